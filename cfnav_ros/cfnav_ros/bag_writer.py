@@ -1,0 +1,98 @@
+"""A crash-safe MCAP bag: CDR bytes in, one finished folder out.
+
+Knows no ROS graph. Definitions of message types come from their ``.msg`` files and are embedded
+in the bag, so that it can be read anywhere.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.enums import CompressionFormat
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+
+def typestore_with(packages: Iterable[Path]) -> Typestore:
+    """Return the types of ROS 2 Jazzy and those of further message packages.
+
+    Args:
+        packages: folders named like their package, each with ``msg/*.msg``.
+
+    Raises:
+        FileNotFoundError: a folder holds no message definition.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for package in packages:
+        files = sorted((package / "msg").glob("*.msg"))
+        if not files:
+            raise FileNotFoundError(
+                f"{package} holds no msg/*.msg; build and source the workspace (ros_ws)"
+            )
+        types: dict = {}
+        for file in files:
+            types.update(get_types_from_msg(file.read_text(), f"{package.name}/msg/{file.stem}"))
+        store.register(types)
+    return store
+
+
+class BagWriter:
+    """Writes one bag under a temporary name and renames it when it is closed.
+
+    A bag at ``path`` is therefore always a whole one; a crash leaves ``path`` + ``.partial``,
+    which the next writer of the same path removes.
+    """
+
+    def __init__(self, path: Path, typestore: Typestore) -> None:
+        """Open the bag for writing.
+
+        Args:
+            path: folder of the finished bag; must not exist.
+            typestore: holds every type that will be written.
+
+        Raises:
+            FileExistsError: ``path`` exists.
+        """
+        if path.exists():
+            raise FileExistsError(f"{path} exists already; remove it or choose another name")
+        self.path = path
+        self.counts: Counter[str] = Counter()
+        self._typestore = typestore
+        self._partial = path.with_name(path.name + ".partial")
+        shutil.rmtree(self._partial, ignore_errors=True)
+        self._partial.mkdir(parents=True)
+        # rosbags names the file after its folder, so the folder has its final name from the start.
+        self._writer = Writer(
+            self._partial / path.name,
+            version=Writer.VERSION_LATEST,
+            storage_plugin=StoragePlugin.MCAP,
+        )
+        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._writer.open()
+        self._connections: dict[str, object] = {}
+
+    def add_topic(self, topic: str, msgtype: str, qos: Iterable = ()) -> None:
+        """Declare a topic before its first message; ``msgtype`` like ``std_msgs/msg/Header``."""
+        self._connections[topic] = self._writer.add_connection(
+            topic, msgtype, typestore=self._typestore, offered_qos_profiles=tuple(qos)
+        )
+
+    def write(self, topic: str, t_ns: int, cdr: bytes) -> None:
+        """Append one serialized message; ``t_ns`` is its log time in nanoseconds."""
+        self._writer.write(self._connections[topic], t_ns, cdr)
+        self.counts[topic] += 1
+
+    def close(self) -> None:
+        """Finish the bag and give it its name."""
+        self._writer.close()
+        (self._partial / self.path.name).rename(self.path)
+        self._partial.rmdir()
+
+    def abort(self) -> None:
+        """Give the recording up and leave nothing behind."""
+        self._writer.abort()
+        shutil.rmtree(self._partial, ignore_errors=True)

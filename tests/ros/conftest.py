@@ -1,0 +1,178 @@
+"""Fixtures of the ROS tests: a small real bag, written without a ROS graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.interfaces import Nodetype
+
+from cfnav_core.actions import Action
+from cfnav_ros.bag_writer import BagWriter, typestore_with
+
+INTERFACES = Path(__file__).parents[2] / "ros_ws" / "src" / "cfnav_interfaces"
+SECOND = 1_000_000_000
+
+
+class SyntheticBag:
+    """Writes the topics that the evaluation reads, with exact values and 4 Hz samples."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.store = typestore_with([INTERFACES])
+        self.writer = BagWriter(path, self.store)
+        for topic, msgtype in {
+            "/policy/episode": "cfnav_interfaces/msg/EpisodeStatus",
+            "/policy/decision": "cfnav_interfaces/msg/PolicyDecision",
+            "/ground_truth/state": "cfnav_interfaces/msg/GroundTruth",
+            "/ground_truth/map": "nav_msgs/msg/OccupancyGrid",
+            "/collision/estimate": "cfnav_interfaces/msg/CollisionEstimate",
+            "/oakd/rgb/preview/image_raw": "sensor_msgs/msg/Image",
+        }.items():
+            self.writer.add_topic(topic, msgtype)
+
+    def message(self, name: str, **fields: object) -> object:
+        """Make a message; fields not given are zero or empty."""
+        package, kind = name.split("/")
+        full = f"{package}/msg/{kind}"
+        values = {
+            field: fields[field] if field in fields else _zero(self, kind_of)
+            for field, kind_of in self.store.fielddefs[full][1]
+        }
+        return self.store.types[full](**values)
+
+    def write(self, topic: str, t_ns: int, message: object) -> None:
+        """Write one message at its log time."""
+        cdr = self.store.serialize_cdr(message, message.__msgtype__)
+        self.writer.write(topic, t_ns, bytes(cdr))
+
+    def header(self, t_ns: int) -> object:
+        """Make a std_msgs/Header with a stamp."""
+        return self.message("std_msgs/Header", stamp=self.stamp(t_ns))
+
+    def stamp(self, t_ns: int) -> object:
+        """Make a builtin_interfaces/Time."""
+        return self.message("builtin_interfaces/Time", sec=t_ns // SECOND, nanosec=t_ns % SECOND)
+
+    def map(self, t_ns: int, size: int = 200) -> None:
+        """Write a walled square room of size cells, 0.02 m each."""
+        cells = np.zeros((size, size), np.int8)
+        cells[[0, -1], :] = cells[:, [0, -1]] = 100
+        cells[80:110, 120:150] = 100
+        info = self.message("nav_msgs/MapMetaData", resolution=0.02, width=size, height=size)
+        grid = self.message(
+            "nav_msgs/OccupancyGrid", header=self.header(t_ns), info=info, data=cells.ravel()
+        )
+        self.write("/ground_truth/map", t_ns, grid)
+
+    def episode(self, t0: int, actions: list[Action], **options: object) -> int:
+        """Write one episode, a decision a second, and return the time after it.
+
+        Options: goal, outcome, seen (goal visible at the end), touch (steps with a collision).
+        """
+        goal = options.get("goal", "Laptop")
+        touch = options.get("touch", ())
+        x, y, yaw, hits = 1.0, 1.0, 0.0, 0
+        self.status(t0, 0, goal, "")
+        for step, action in enumerate(actions, 1):
+            t = t0 + step * SECOND
+            seen = bool(options.get("seen", True)) and step >= len(actions) - 1
+            self.truth(t, x, y, yaw, hits, seen, goal)
+            self.picture(t)
+            self.estimate(t, 0.1 * (step % 10), 1.0)
+            self.decision(t + SECOND // 20, t, step, action, goal)
+            if step in touch:
+                hits += 1
+            for part in (1, 2, 3, 4):
+                if action is Action.MoveAhead:
+                    x += 0.0625 * np.cos(yaw)
+                    y += 0.0625 * np.sin(yaw)
+                if action in (Action.RotateLeft, Action.RotateRight):
+                    yaw += (np.pi / 16) * (1 if action is Action.RotateLeft else -1)
+                self.truth(t + part * SECOND // 5, x, y, yaw, hits, seen, goal)
+        end = t0 + (len(actions) + 1) * SECOND
+        self.status(end, 1, goal, str(options.get("outcome", "done")))
+        return end + SECOND
+
+    def status(self, t: int, phase: int, goal: str, outcome: str) -> None:
+        """Write an EpisodeStatus."""
+        fields = {"phase": phase, "goal": goal, "bundle": "synthetic", "outcome": outcome}
+        message = self.message("cfnav_interfaces/EpisodeStatus", header=self.header(t), **fields)
+        self.write("/policy/episode", t, message)
+
+    def truth(
+        self, t: int, x: float, y: float, yaw: float, hits: int, seen: bool, goal: str
+    ) -> None:
+        """Write a GroundTruth sample."""
+        message = self.message(
+            "cfnav_interfaces/GroundTruth",
+            header=self.header(t),
+            x=float(x),
+            y=float(y),
+            yaw=float(yaw),
+            collisions=hits,
+            contact_with="Chair" if hits else "",
+            goal_visible=seen,
+            room="kitchen:25",
+            goal=goal,
+            shortest_path=1.0,
+        )
+        self.write("/ground_truth/state", t, message)
+
+    def decision(self, t: int, image: int, step: int, action: Action, goal: str) -> None:
+        """Write a PolicyDecision."""
+        message = self.message(
+            "cfnav_interfaces/PolicyDecision",
+            header=self.header(t),
+            goal=goal,
+            step=step,
+            image_stamp=self.stamp(image),
+            action=int(action),
+            action_probabilities=np.full(6, 1 / 6, np.float32),
+            collision_probability=0.1 * (step % 10),
+            detection_score=0.5,
+        )
+        self.write("/policy/decision", t, message)
+
+    def estimate(self, t: int, probability: float, clearance: float) -> None:
+        """Write a CollisionEstimate."""
+        message = self.message(
+            "cfnav_interfaces/CollisionEstimate",
+            header=self.header(t),
+            probability=probability,
+            clearance=clearance,
+        )
+        self.write("/collision/estimate", t, message)
+
+    def picture(self, t: int) -> None:
+        """Write a 32x24 bgr8 picture, pure red, with padded rows."""
+        rows = np.zeros((24, 100), np.uint8)
+        rows[:, 2:96:3] = 255
+        message = self.message(
+            "sensor_msgs/Image",
+            header=self.header(t),
+            height=24,
+            width=32,
+            encoding="bgr8",
+            step=100,
+            data=rows.ravel(),
+        )
+        self.write("/oakd/rgb/preview/image_raw", t, message)
+
+
+def _zero(bag: SyntheticBag, kind: tuple) -> object:
+    """Return the empty value of a field by its type description."""
+    node, description = kind
+    if node is Nodetype.NAME:
+        return bag.message(description.replace("/msg/", "/"))
+    if node is not Nodetype.BASE:
+        return np.zeros(0, np.uint8)
+    return "" if description[0] == "string" else False if description[0] == "bool" else 0
+
+
+@pytest.fixture
+def synthetic_bag(tmp_path: Path) -> Callable[[], SyntheticBag]:
+    """Return a function that opens a new bag at ``tmp_path / "bag"``."""
+    return lambda: SyntheticBag(tmp_path / "bag")
