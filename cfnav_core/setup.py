@@ -1,0 +1,19 @@
+"""Lets colcon build this package; pip uses the pyproject.toml of the repository."""
+
+from setuptools import setup
+
+PACKAGE = "cfnav_core"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=[PACKAGE, f"{PACKAGE}.models"],
+    package_dir={PACKAGE: "."},
+    package_data={PACKAGE: ["bundles/**"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+)

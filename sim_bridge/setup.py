@@ -1,0 +1,21 @@
+"""Lets colcon build this package; pip uses the pyproject.toml of the repository."""
+
+from setuptools import find_packages, setup
+
+PACKAGE = "sim_bridge"
+EXECUTABLES = ("mock_turtlebot4", "dataset")
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    entry_points={
+        "console_scripts": [f"{name} = {PACKAGE}.{name}:main" for name in EXECUTABLES]
+    },
+    install_requires=["setuptools"],
+    zip_safe=False,
+)
