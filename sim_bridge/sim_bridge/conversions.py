@@ -1,0 +1,207 @@
+"""Numpy and plain numbers to ROS messages, shaped as a TurtleBot 4's drivers shape them.
+
+Frames and mounting poses: ARCHITECTURE.md, "Frames and geometry".
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from cfnav_interfaces.msg import GroundTruth
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
+from std_msgs.msg import Header
+
+from sim_bridge import rplidar
+
+if TYPE_CHECKING:
+    from sim_bridge.base import Odometry as BaseOdometry
+    from sim_bridge.simulator import Simulator
+    from sim_bridge.world import Contact
+
+CAMERA_FRAME = "oakd_rgb_camera_optical_frame"
+CAMERA_HEIGHT = 1.3
+"""m above the floor, in line with the mast."""
+
+_BUMPER_ZONES = (
+    ("bump_right", -90.0, -54.0),
+    ("bump_front_right", -54.0, -18.0),
+    ("bump_front_center", -18.0, 18.0),
+    ("bump_front_left", 18.0, 54.0),
+    ("bump_left", 54.0, 90.0),
+)
+"""Zones of the bumper, degrees from the front; the rear half has none."""
+
+
+def stamp(t: float) -> Time:
+    """Simulated time in seconds as a stamp."""
+    seconds, nanoseconds = divmod(round(t * 1e9), 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def header(t: float, frame: str) -> Header:
+    """A header: simulated time in seconds, frame name."""
+    return Header(stamp=stamp(t), frame_id=frame)
+
+
+def quaternion(yaw: float = 0.0, pitch: float = 0.0) -> Quaternion:
+    """A rotation about z by ``yaw`` or about y by ``pitch``, rad; never both."""
+    return Quaternion(
+        y=math.sin(pitch / 2), z=math.sin(yaw / 2), w=math.cos(yaw / 2) * math.cos(pitch / 2)
+    )
+
+
+def image(rgb: np.ndarray, t: float) -> Image:
+    """A picture as the OAK-D's driver sends it.
+
+    Args:
+        rgb: uint8 [H, W, 3].
+        t: simulated s.
+
+    Returns:
+        ``bgr8`` with ``is_bigendian`` set, as depthai_bridge does for 8-bit pictures.
+    """
+    height, width, _ = rgb.shape
+    message = Image(header=header(t, CAMERA_FRAME), height=height, width=width)
+    message.encoding = "bgr8"
+    message.is_bigendian = 1
+    message.step = 3 * width
+    # array.array is the one type the message takes over without looking at every byte.
+    message.data = array("B", np.ascontiguousarray(rgb[:, :, ::-1]).tobytes())
+    return message
+
+
+def camera_info(size: int, t: float) -> CameraInfo:
+    """Intrinsics of a square picture of ``size`` pixels that spans 90 degrees, no distortion."""
+    focal, centre = size / 2, (size - 1) / 2
+    message = CameraInfo(header=header(t, CAMERA_FRAME), height=size, width=size)
+    message.distortion_model = "plumb_bob"
+    message.d = [0.0] * 5
+    message.k = [focal, 0.0, centre, 0.0, focal, centre, 0.0, 0.0, 1.0]
+    message.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    message.p = [focal, 0.0, centre, 0.0, 0.0, focal, centre, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return message
+
+
+def laser_scan(distances: np.ndarray, t: float) -> LaserScan:
+    """A turn of the LiDAR.
+
+    Args:
+        distances: float32 [360], metres, by bearing; see ``rplidar.driver_ranges``.
+        t: simulated s.
+    """
+    message = LaserScan(header=header(t, "rplidar_link"))
+    message.angle_min, message.angle_max = rplidar.ANGLE_MIN, rplidar.ANGLE_MAX
+    message.angle_increment = (rplidar.ANGLE_MAX - rplidar.ANGLE_MIN) / (rplidar.BINS - 1)
+    message.scan_time = rplidar.SCAN_PERIOD
+    message.time_increment = rplidar.SCAN_PERIOD / (rplidar.BINS - 1)
+    message.range_min, message.range_max = rplidar.RANGE_MIN, rplidar.RANGE_MAX
+    ranges = rplidar.driver_ranges(distances)
+    message.ranges = array("f", ranges.tobytes())
+    # The A1 reports quality 15 for a good return and 0 for none.
+    message.intensities = array("f", np.where(np.isfinite(ranges), 15, 0).astype("f").tobytes())
+    return message
+
+
+def odometry(counted: BaseOdometry, velocity: tuple[float, float], t: float) -> Odometry:
+    """Pose in ``odom``; velocity in ``base_link``: m/s forward, rad/s."""
+    message = Odometry(header=header(t, "odom"), child_frame_id="base_link")
+    message.pose.pose.position.x, message.pose.pose.position.y = counted.x, counted.y
+    message.pose.pose.orientation = quaternion(yaw=counted.yaw)
+    message.twist.twist.linear.x, message.twist.twist.angular.z = velocity
+    return message
+
+
+def transform(
+    t: float,
+    parent: str,
+    child: str,
+    at: tuple[float, float, float],
+    rotation: Quaternion | None = None,
+) -> TransformStamped:
+    """A transform: position in metres, no rotation unless given."""
+    message = TransformStamped(header=header(t, parent), child_frame_id=child)
+    message.transform.translation = Vector3(x=at[0], y=at[1], z=at[2])
+    if rotation is not None:
+        message.transform.rotation = rotation
+    return message
+
+
+def static_transforms(t: float) -> list[TransformStamped]:
+    """Where the sensors sit."""
+    optical = Quaternion(x=-0.5, y=0.5, z=-0.5, w=0.5)
+    return [
+        transform(t, "base_link", "shell_link", (0.0, 0.0, 0.0942)),
+        transform(t, "shell_link", "rplidar_link", (-0.04, 0.0, 0.0988), quaternion(math.pi / 2)),
+        transform(t, "oakd_link", "oakd_rgb_camera_frame", (0.0, 0.0, 0.0)),
+        transform(t, "oakd_rgb_camera_frame", CAMERA_FRAME, (0.0, 0.0, 0.0), optical),
+    ]
+
+
+def moving_transforms(counted: BaseOdometry, tilt: float, t: float) -> list[TransformStamped]:
+    """Where the base is in ``odom``, and the camera on its tilt joint."""
+    at, rotation = (counted.x, counted.y, 0.0), quaternion(yaw=counted.yaw)
+    mount = (0.0, 0.0, CAMERA_HEIGHT)
+    return [
+        transform(t, "odom", "base_footprint", at, rotation),
+        transform(t, "odom", "base_link", at, rotation),
+        transform(t, "base_link", "oakd_link", mount, quaternion(pitch=-tilt)),
+    ]
+
+
+def joint_state(tilt: float, t: float) -> JointState:
+    """The camera's tilt joint, rad up positive."""
+    return JointState(header=header(t, "base_link"), name=["camera_tilt"], position=[tilt])
+
+
+def hazards(contacts: Iterable[Contact], t: float) -> HazardDetectionVector:
+    """A BUMP for each zone of the bumper that is pressed; empty when none is."""
+    message = HazardDetectionVector(header=header(t, "base_link"))
+    bearings = [math.degrees(c.bearing) for c in contacts if c.part == "hull"]
+    message.detections = [
+        HazardDetection(header=header(t, zone), type=HazardDetection.BUMP)
+        for zone, right, left in _BUMPER_ZONES
+        if any(right <= bearing < left for bearing in bearings)
+    ]
+    return message
+
+
+def ground_truth(simulator: Simulator, room: str, goal_visible: bool) -> GroundTruth:
+    """What the simulator knows at its present time."""
+    message = GroundTruth(header=header(simulator.time, "room"))
+    pose, collisions = simulator.world.pose, simulator.collisions
+    message.x, message.y, message.tilt = pose.x, pose.y, pose.tilt
+    message.yaw = math.remainder(pose.yaw, math.tau)
+    message.in_contact = bool(collisions.contacts)
+    message.contact_with = collisions.contacts[0].other if collisions.contacts else ""
+    message.impact_speed = collisions.impact_speed
+    message.collisions = collisions.count
+    message.goal_visible = goal_visible
+    message.room = room
+    message.goal = simulator.goal
+    message.shortest_path = simulator.shortest_path
+    return message
+
+
+def occupancy_grid(occupancy: np.ndarray, resolution: float, t: float) -> OccupancyGrid:
+    """A map of the room.
+
+    Args:
+        occupancy: int8 [H, W], 0 free, 100 occupied, row 0 at y = 0.
+        resolution: m per cell.
+        t: simulated s.
+    """
+    message = OccupancyGrid(header=header(t, "room"))
+    message.info.map_load_time = stamp(t)
+    message.info.resolution = resolution
+    message.info.height, message.info.width = occupancy.shape
+    message.info.origin.orientation = quaternion()
+    message.data = array("b", np.ascontiguousarray(occupancy, dtype=np.int8).tobytes())
+    return message

@@ -1,0 +1,301 @@
+"""The mock TurtleBot 4's node: topics, types, QoS, rates and frames of the real robot.
+
+One loop advances simulated time, draws and publishes; ROS callbacks only hand it work, so the
+world and the camera belong to one thread.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from cfnav_interfaces.msg import GroundTruth
+from cfnav_interfaces.srv import EndEpisode, StartEpisode
+from geometry_msgs.msg import Twist, TwistStamped
+from irobot_create_msgs.msg import HazardDetectionVector
+from nav_msgs.msg import OccupancyGrid, Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
+from std_msgs.msg import Float64
+from tf2_msgs.msg import TFMessage
+
+from sim_bridge import conversions as to_msg
+from sim_bridge.camera import Camera
+from sim_bridge.grid import start_episode
+from sim_bridge.parameters import MockParameters, read_parameters
+from sim_bridge.rplidar import SCAN_PERIOD
+from sim_bridge.room import generate_room, parse_room
+from sim_bridge.simulator import Simulator
+from sim_bridge.world import World
+
+CAMERA_PERIOD = 1.0 / 15.0
+STATE_PERIOD = 1.0 / 20.0
+MAP_RESOLUTION = 0.02
+DISCOVERY_S = 2.0
+"""Wall time after which another robot in the domain has been heard of."""
+MAX_LAG_S = 0.5
+"""A loop that is held up catches up with the wall clock after at most this; the rest is lost."""
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Every:
+    """Tells when something with a period is due."""
+
+    def __init__(self, period: float, action: Callable[[], None]) -> None:
+        self._period = period
+        self._action = action
+        self._next = 0.0
+
+    def run(self, t: float) -> None:
+        """Run the action when its time has come; its mean rate is exact on any grid of steps."""
+        if t >= self._next - 1e-9:
+            self._next += self._period
+            self._action()
+
+
+class Pacer:
+    """Holds simulated time back to a multiple of real time."""
+
+    def __init__(self, speed: float, t: float) -> None:
+        self._speed = speed
+        self.restart(t)
+
+    def restart(self, t: float) -> None:
+        """Begin anew at simulated time ``t``, whatever was lost before."""
+        self._t, self._wall = t, time.monotonic()
+
+    def wait(self, t: float) -> None:
+        """Sleep until simulated time ``t`` has come."""
+        if self._speed == 0:
+            return
+        ahead = (t - self._t) / self._speed - (time.monotonic() - self._wall)
+        if ahead > 0:
+            time.sleep(ahead)
+        elif ahead < -MAX_LAG_S:
+            self.restart(t)
+
+
+class MockTurtleBot4(Node):
+    """The node. ``run`` is its main loop; the thread that calls it owns world and camera."""
+
+    def __init__(self) -> None:
+        super().__init__("mock_turtlebot4", automatically_declare_parameters_from_overrides=True)
+        self._born = time.monotonic()
+        self.parameters = read_parameters(self)
+        self._inbox: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
+        self._advertise()
+        self._listen()
+        self._schedule = (
+            Every(self.parameters.clock_period, self._publish_clock),
+            Every(STATE_PERIOD, self._publish_state),
+            Every(SCAN_PERIOD, self._publish_scan),
+            Every(CAMERA_PERIOD, self._publish_picture),
+        )
+        self.camera: Camera | None = None
+        self._seen: tuple[tuple, bool] = ((), False)
+
+    def set_up(self) -> None:
+        """Build the room, put the robot down, and make sure that no other robot is about.
+
+        Raises:
+            ValueError: with one sentence, when the parameters ask for what cannot be had.
+        """
+        p = self.parameters
+        world = World(generate_room(*parse_room(p.room)))
+        self.camera = Camera(world, width=p.camera_size, height=p.camera_size)
+        self.simulator = Simulator(world)
+        if p.goal:
+            start = start_episode(world, self.camera, p.goal, p.seed)
+            self.simulator.start_episode(p.goal, start)
+        elif p.start:
+            if not world.free(*p.start[:2]):
+                raise ValueError(f"start {list(p.start)} is not free in {p.room}; choose another.")
+            self.simulator.place(*p.start)
+        if p.domain_guard:
+            self._refuse_company()
+        self._publish_map()
+        self._tf_static.publish(TFMessage(transforms=to_msg.static_transforms(0.0)))
+
+    @property
+    def summary(self) -> str:
+        """What runs, in a few words."""
+        p = self.parameters
+        speed = f"{p.speed:g} times real time" if p.speed else "as fast as it can"
+        return f"room {p.room}, goal {p.goal or 'none'}, {speed}"
+
+    def run(self) -> None:
+        """Advance simulated time and publish until the process is told to end."""
+        self._pacer = Pacer(self.parameters.speed, self.simulator.time)
+        while True:
+            self._do_requests()
+            began = self.simulator.step()
+            for due in self._schedule:
+                due.run(self.simulator.time)
+            if began:
+                self._publish_contact()
+            self._pacer.wait(self.simulator.time)
+
+    def refuse_requests(self) -> None:
+        """Answer no service call any more; for the end, when the loop no longer runs."""
+        while not self._inbox.empty():
+            self._inbox.get()[0].cancel()
+
+    def close(self) -> None:
+        """Free the camera and the node; in the thread that ran the loop."""
+        if self.camera is not None:
+            self.camera.close()
+        self.destroy_node()
+
+    def _advertise(self) -> None:
+        publish = self.create_publisher
+        self._clock_pub = publish(Clock, "/clock", 10)
+        self._image = publish(Image, "oakd/rgb/preview/image_raw", 10)
+        self._camera_info = publish(CameraInfo, "oakd/rgb/preview/camera_info", 10)
+        self._scan = publish(LaserScan, "scan", 10)
+        self._odom = publish(Odometry, "odom", LATCHED)
+        self._tf = publish(TFMessage, "tf", 100)
+        self._tf_static = publish(TFMessage, "tf_static", LATCHED)
+        self._joints = publish(JointState, "joint_states", 10)
+        self._hazards = publish(HazardDetectionVector, "hazard_detection", 5)
+        self._truth = publish(GroundTruth, "ground_truth/state", 100)
+        self._map = publish(OccupancyGrid, "ground_truth/map", LATCHED)
+
+    def _listen(self) -> None:
+        self.create_subscription(
+            TwistStamped, "cmd_vel", lambda m: self._hand_over(self._command, m.twist), NEWEST
+        )
+        self.create_subscription(
+            Twist, "cmd_vel_unstamped", lambda m: self._hand_over(self._command, m), NEWEST
+        )
+        self.create_subscription(
+            Float64, "camera_tilt/command", lambda m: self._hand_over(self._tilt, m.data), 10
+        )
+        for kind, name, answer in (
+            (StartEpisode, "simulator/start_episode", self._start_episode),
+            (EndEpisode, "simulator/end_episode", self._end_episode),
+        ):
+            self.create_service(
+                kind, name, lambda q, r, answer=answer: self._hand_over(answer, q, r).result()
+            )
+
+    def _hand_over(self, action: Callable, *arguments: object) -> Future:
+        """Leave work for the loop; called from the executor's thread."""
+        task: Future = Future()
+        self._inbox.put((task, action, arguments))
+        return task
+
+    def _do_requests(self) -> None:
+        while not self._inbox.empty():
+            task, action, arguments = self._inbox.get()
+            try:
+                task.set_result(action(*arguments))
+            except BaseException:
+                task.cancel()
+                raise
+
+    def _command(self, twist: Twist) -> None:
+        self.simulator.command(twist.linear.x, twist.angular.z)
+
+    def _tilt(self, tilt: float) -> None:
+        self.simulator.tilt_to(tilt)
+
+    def _start_episode(
+        self, request: StartEpisode.Request, response: StartEpisode.Response
+    ) -> StartEpisode.Response:
+        world, camera = self.simulator.world, self.camera
+        new_room = request.room != world.room.name
+        try:
+            if new_room:
+                world = World(generate_room(*parse_room(request.room)))
+                camera = Camera(world, self.parameters.camera_size, self.parameters.camera_size)
+            start = start_episode(world, camera, request.goal, request.seed)
+        except ValueError as error:
+            if camera is not self.camera:
+                camera.close()
+            response.message = str(error)
+            return response
+        finally:
+            self._pacer.restart(self.simulator.time)
+        if new_room:
+            self.camera.close()
+            self.camera = camera
+            self.simulator.enter(world)
+            self._publish_map()
+        self.simulator.start_episode(request.goal, start)
+        response.ok = True
+        response.x, response.y, response.yaw = start.x, start.y, start.yaw
+        response.shortest_path = start.shortest_path
+        response.shortest_actions = start.shortest_actions
+        return response
+
+    def _end_episode(
+        self, request: EndEpisode.Request, response: EndEpisode.Response
+    ) -> EndEpisode.Response:
+        goal = self.simulator.goal
+        try:
+            account = self.simulator.end_episode()
+        except RuntimeError as error:
+            response.message = str(error)
+            return response
+        response.ok = True
+        response.goal_visible = self.camera.goal_visible(goal)
+        response.collisions = account.collisions
+        response.path_length = account.path_length
+        response.shortest_path = account.shortest_path
+        return response
+
+    def _publish_clock(self) -> None:
+        self._clock_pub.publish(Clock(clock=to_msg.stamp(self.simulator.time)))
+
+    def _publish_state(self) -> None:
+        simulator = self.simulator
+        t, tilt = simulator.time, simulator.world.pose.tilt
+        self._odom.publish(to_msg.odometry(simulator.odometry, simulator.world.velocity, t))
+        moving = to_msg.moving_transforms(simulator.odometry, tilt, t)
+        self._tf.publish(TFMessage(transforms=moving))
+        self._joints.publish(to_msg.joint_state(tilt, t))
+        self._publish_contact()
+
+    def _publish_contact(self) -> None:
+        simulator = self.simulator
+        self._hazards.publish(to_msg.hazards(simulator.collisions.contacts, simulator.time))
+        self._truth.publish(to_msg.ground_truth(simulator, self._goal_visible()))
+
+    def _publish_scan(self) -> None:
+        self._scan.publish(to_msg.laser_scan(self.simulator.world.scan(), self.simulator.time))
+
+    def _publish_picture(self) -> None:
+        t = self.simulator.time
+        self._image.publish(to_msg.image(self.camera.rgb(), t))
+        self._camera_info.publish(to_msg.camera_info(self.parameters.camera_size, t))
+
+    def _publish_map(self) -> None:
+        grid = self.simulator.world.occupancy(MAP_RESOLUTION)
+        self._map.publish(to_msg.occupancy_grid(grid, MAP_RESOLUTION, self.simulator.time))
+
+    def _goal_visible(self) -> bool:
+        """Whether the episode's goal is in view; drawn anew only once the robot has moved."""
+        if not self.simulator.goal:
+            return False
+        pose = self.simulator.world.pose
+        here = tuple(round(value, 4) for value in (pose.x, pose.y, pose.yaw, pose.tilt))
+        key = (self.simulator.goal, id(self.camera), here)
+        if self._seen[0] != key:
+            self._seen = key, self.camera.goal_visible(self.simulator.goal)
+        return self._seen[1]
+
+    def _refuse_company(self) -> None:
+        """Raise ValueError when somebody else plays the robot in this domain."""
+        time.sleep(max(0.0, self._born + DISCOVERY_S - time.monotonic()))
+        for topic in ("odom", "scan", "/clock"):
+            if self.count_publishers(topic) > 1:
+                raise ValueError(
+                    f"another node publishes {topic} in ROS domain {self.context.get_domain_id()}; "
+                    "choose another ROS_DOMAIN_ID."
+                )

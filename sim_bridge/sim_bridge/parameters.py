@@ -1,0 +1,85 @@
+"""The mock's ROS parameters as one frozen dataclass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+_OWNED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
+
+
+def _parameter(default: object, description: str) -> object:
+    return field(default=default, metadata={"description": description})
+
+
+@dataclass(frozen=True)
+class MockParameters:
+    """What can be chosen when the mock starts.
+
+    Raises:
+        ValueError: with one sentence, when a value cannot be used.
+    """
+
+    room: str = _parameter("kitchen:21", "room as <type>:<seed>")
+    goal: str = _parameter("", "category of the first episode; empty starts none")
+    seed: int = _parameter(0, "draws the start pose of the first episode")
+    start: tuple[float, ...] = _parameter((), "x m, y m, yaw rad; only without a goal")
+    speed: float = _parameter(1.0, "times real time; 0 is as fast as it can")
+    clock_period: float = _parameter(0.01, "simulated s between messages on /clock")
+    camera_size: int = _parameter(300, "width and height of the picture, pixels")
+    domain_guard: bool = _parameter(True, "refuse to start where another robot publishes")
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"seed is {self.seed}; expected 0 or more.")
+        if len(self.start) not in (0, 3) or not all(map(math.isfinite, self.start)):
+            raise ValueError(f"start is {list(self.start)}; expected [x, y, yaw] in m, m, rad.")
+        if self.start and self.goal:
+            raise ValueError("start and goal are both given; a goal draws its start from seed.")
+        if not (self.speed >= 0 and math.isfinite(self.speed)):
+            raise ValueError(f"speed is {self.speed}; expected 0 or more times real time.")
+        if not 0.01 <= self.clock_period <= 1.0:
+            raise ValueError(f"clock_period is {self.clock_period}; expected 0.01 to 1 s.")
+        if not 32 <= self.camera_size <= 1080:
+            raise ValueError(f"camera_size is {self.camera_size}; expected 32 to 1080 pixels.")
+
+
+def read_parameters(node: Node) -> MockParameters:
+    """Declare the parameters on a node and read what was given.
+
+    Args:
+        node: made with ``automatically_declare_parameters_from_overrides=True``, so that
+            misspelt names can be told.
+
+    Raises:
+        ValueError: with one sentence, for an unknown name, a wrong type or an unusable value.
+    """
+    known = {f.name: f for f in fields(MockParameters)}
+    unknown = sorted(set(node.get_parameters_by_prefix("")) - set(known) - _OWNED_BY_RCLPY)
+    if unknown:
+        raise ValueError(f"parameter '{unknown[0]}' is unknown; known are {', '.join(known)}.")
+    values = {}
+    for name, f in known.items():
+        if not node.has_parameter(name):
+            descriptor = ParameterDescriptor(
+                description=f.metadata["description"], dynamic_typing=True, read_only=True
+            )
+            node.declare_parameter(name, f.default, descriptor)
+        values[name] = _typed(name, node.get_parameter(name).value, f.default)
+    return MockParameters(**values)
+
+
+def _typed(name: str, value: object, default: object) -> object:
+    """The value in the type of the default; YAML writes 2 where a float 2.0 is meant."""
+    if isinstance(default, tuple) and not isinstance(value, (str, bool, int, float)):
+        return tuple(value)
+    if isinstance(default, float) and type(value) is int:
+        return float(value)
+    if type(value) is not type(default):
+        raise ValueError(
+            f"{name} is {value!r}; expected {type(default).__name__}, such as {default!r}."
+        )
+    return value

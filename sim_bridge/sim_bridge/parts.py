@@ -1,0 +1,239 @@
+"""What a room is made of: coloured, possibly textured boxes, cylinders and ellipsoids.
+
+``Builder`` collects them while furniture and objects are drawn in local frames. Knows no MuJoCo.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+Colour = tuple[float, float, float]
+Shape = Literal["box", "cylinder", "ellipsoid"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A local frame: origin in metres in the room, yaw in radians about the vertical."""
+
+    x: float
+    y: float
+    z: float = 0.0
+    yaw: float = 0.0
+
+    def at(self, x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> Frame:
+        """The frame whose pose in this one is (x, y, z, yaw)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Frame(
+            self.x + c * x - s * y, self.y + s * x + c * y, self.z + z, self.yaw + yaw
+        )
+
+
+@dataclass(frozen=True)
+class Part:
+    """One solid of a room.
+
+    Attributes:
+        shape: box, cylinder (axis vertical) or ellipsoid.
+        centre: metres in the room.
+        half: half extents, metres; a cylinder has (radius, radius, half height).
+        yaw: radians about the vertical.
+        colour: red, green, blue in 0..1, multiplied with the texture.
+        texture: key of ``Room.textures`` or None.
+        repeat: metres one texture covers, None to fit it once on every face.
+        owner: index into ``Room.objects``.
+        solid: whether it stops the robot and the laser.
+        emission: 0..1, light of its own.
+    """
+
+    shape: Shape
+    centre: tuple[float, float, float]
+    half: tuple[float, float, float]
+    yaw: float
+    colour: Colour
+    texture: str | None
+    repeat: float | None
+    owner: int
+    solid: bool
+    emission: float
+
+
+@dataclass
+class RoomObject:
+    """A thing in the room: a goal when ``name`` is a category, else furniture or structure.
+
+    Attributes:
+        name: category or plain name ("Counter", "Wall").
+        footprint: x0, y0, x1, y1 of its parts, metres.
+    """
+
+    name: str
+    footprint: tuple[float, float, float, float] = (math.inf, math.inf, -math.inf, -math.inf)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A place to put things: origin at the middle of its back edge, y towards its front."""
+
+    frame: Frame
+    width: float
+    depth: float
+    kind: str
+
+
+def hsv(h: float, s: float, v: float) -> Colour:
+    """Colour from hue, saturation and value, each clipped to its range."""
+    return colorsys.hsv_to_rgb(h % 1, min(max(s, 0.0), 1.0), min(max(v, 0.0), 1.0))
+
+
+def darker(colour: Colour, factor: float) -> Colour:
+    """The colour with every channel multiplied by ``factor``."""
+    return (colour[0] * factor, colour[1] * factor, colour[2] * factor)
+
+
+@dataclass
+class Builder:
+    """Collects parts, objects, surfaces and the floor space already taken."""
+
+    rng: np.random.Generator
+    width: float
+    depth: float
+    parts: list[Part] = field(default_factory=list)
+    objects: list[RoomObject] = field(default_factory=list)
+    surfaces: list[Surface] = field(default_factory=list)
+    taken: list[tuple[float, float, float, float, float]] = field(default_factory=list)
+    on_surface: list[tuple[Surface, float, float, float]] = field(default_factory=list)
+    walls_taken: list[tuple[int, float, float, float, float]] = field(default_factory=list)
+    wood_tones: list[tuple[Colour, str]] = field(default_factory=list)
+
+    def new(self, name: str) -> int:
+        """Begin an object and return its index."""
+        self.objects.append(RoomObject(name))
+        return len(self.objects) - 1
+
+    def add(
+        self,
+        owner: int,
+        shape: Shape,
+        frame: Frame,
+        centre: tuple[float, float, float],
+        half: tuple[float, float, float],
+        colour: Colour,
+        texture: str | None = None,
+        repeat: float | None = None,
+        solid: bool = True,
+        emission: float = 0.0,
+    ) -> None:
+        """Add one part given in a local frame."""
+        f = frame.at(*centre)
+        c, s = abs(math.cos(frame.yaw)), abs(math.sin(frame.yaw))
+        ex, ey = c * half[0] + s * half[1], s * half[0] + c * half[1]
+        x0, y0, x1, y1 = self.objects[owner].footprint
+        self.objects[owner].footprint = (
+            min(x0, f.x - ex), min(y0, f.y - ey), max(x1, f.x + ex), max(y1, f.y + ey)
+        )  # fmt: skip
+        self.parts.append(
+            Part(
+                shape, (f.x, f.y, f.z), half, frame.yaw, colour, texture, repeat, owner, solid,
+                emission,
+            )
+        )  # fmt: skip
+
+    def tone(self) -> tuple[Colour, str]:
+        """One of the room's few furniture finishes (colour, texture)."""
+        return self.wood_tones[int(self.rng.integers(len(self.wood_tones)))]
+
+    def chance(self, p: float) -> bool:
+        """True with probability p."""
+        return bool(self.rng.random() < p)
+
+    def place(
+        self, width: float, depth: float, wall: bool = True, gap: float = 0.0
+    ) -> Frame | None:
+        """Find floor space of width x depth, against a wall (its back edge) or free-standing.
+
+        Args:
+            gap: free margin to other furniture, metres.
+
+        Returns:
+            Frame at the middle of the back edge, y pointing away from it, or None when full.
+        """
+        for _ in range(60):
+            frame = self._wall_frame(width) if wall else self._free_frame(width, depth)
+            if frame is None:
+                continue
+            centre = frame.at(0, depth / 2)
+            c, s = abs(math.cos(frame.yaw)), abs(math.sin(frame.yaw))
+            hx, hy = c * width / 2 + s * depth / 2, s * width / 2 + c * depth / 2
+            if self._free(centre.x, centre.y, hx, hy, gap):
+                self.taken.append((centre.x, centre.y, hx, hy, gap))
+                return frame
+        return None
+
+    def _wall_frame(self, width: float) -> Frame | None:
+        k = int(self.rng.integers(4))
+        length = self.width if k < 2 else self.depth
+        if length < width + 0.04:
+            return None
+        margin = width / 2 + 0.01
+        u = float(self.rng.uniform(margin, length - margin))
+        if self.rng.random() < 0.4:
+            u = margin if self.rng.random() < 0.5 else length - margin
+        return (
+            Frame(u, 0.01, 0, 0.0),
+            Frame(u, self.depth - 0.01, 0, math.pi),
+            Frame(0.01, u, 0, -math.pi / 2),
+            Frame(self.width - 0.01, u, 0, math.pi / 2),
+        )[k]
+
+    def _free_frame(self, width: float, depth: float) -> Frame | None:
+        yaw = float(self.rng.integers(4)) * math.pi / 2
+        reach = max(width, depth) / 2 + 0.7
+        if self.width < 2 * reach or self.depth < 2 * reach:
+            x, y = self.width / 2, self.depth / 2
+        else:
+            x = float(self.rng.uniform(reach, self.width - reach))
+            y = float(self.rng.uniform(reach, self.depth - reach))
+        return Frame(x, y, 0, yaw).at(0, -depth / 2)
+
+    def _free(self, x: float, y: float, hx: float, hy: float, gap: float) -> bool:
+        if x - hx < 0 or y - hy < 0 or x + hx > self.width or y + hy > self.depth:
+            return False
+        return all(
+            abs(x - tx) >= hx + thx + max(gap, tgap) or abs(y - ty) >= hy + thy + max(gap, tgap)
+            for tx, ty, thx, thy, tgap in self.taken
+        )
+
+    def wall_spot(self, width: float, low: float, high: float) -> Frame | None:
+        """A free stretch of wall between two heights; frame at its middle on the floor."""
+        for _ in range(40):
+            k = int(self.rng.integers(4))
+            length = self.width if k < 2 else self.depth
+            if length < width + 0.3:
+                continue
+            u = float(self.rng.uniform(width / 2 + 0.1, length - width / 2 - 0.1))
+            clear = all(
+                kk != k or abs(u - uu) > (width + ww) / 2 + 0.05 or high < lo or low > hi
+                for kk, uu, ww, lo, hi in self.walls_taken
+            )
+            if clear:
+                self.walls_taken.append((k, u, width, low, high))
+                return (
+                    Frame(u, 0, 0, 0.0),
+                    Frame(u, self.depth, 0, math.pi),
+                    Frame(0, u, 0, -math.pi / 2),
+                    Frame(self.width, u, 0, math.pi / 2),
+                )[k]
+        return None
+
+    def occupy_wall(self, frame: Frame, width: float, low: float, high: float) -> None:
+        """Mark a stretch of wall behind furniture as taken, so nothing hangs inside it."""
+        if abs(math.sin(frame.yaw)) < 0.5:
+            k, u = (0, frame.x) if math.cos(frame.yaw) > 0 else (1, frame.x)
+        else:
+            k, u = (2, frame.y) if math.sin(frame.yaw) < 0 else (3, frame.y)
+        self.walls_taken.append((k, u, width, low, high))
