@@ -29,22 +29,23 @@ class Collisions:
     def __init__(self) -> None:
         self.count = 0
         self.contacts: tuple[Contact, ...] = ()
-        """What touches at present, hardest first."""
+        """What touches at present."""
         self.impact_speed = 0.0
         """m/s at the onset of the present collision; 0 when nothing touches."""
         self._last_touch = -math.inf
 
-    def update(self, t: float, contacts: Sequence[Contact]) -> bool:
+    def update(self, t: float, contacts: Sequence[Contact], speed: float) -> bool:
         """Take the contacts after one step.
 
         Args:
             t: time, s.
             contacts: whatever touches hull or mast.
+            speed: m/s of the robot before the step; at its end the impact has slowed it.
 
         Returns:
             Whether a new collision began.
         """
-        self.contacts = tuple(sorted(contacts, key=lambda contact: -contact.speed))
+        self.contacts = tuple(contacts)
         if not contacts:
             self.impact_speed = 0.0
             return False
@@ -52,7 +53,7 @@ class Collisions:
         self._last_touch = t
         if began:
             self.count += 1
-            self.impact_speed = self.contacts[0].speed
+            self.impact_speed = speed
         return began
 
 
@@ -157,11 +158,15 @@ class Simulator:
         self.steps += 1
         forward, left, turn = _motion(before, self.world.pose)
         self.odometry.move(forward, left, turn)
-        self.path_length += math.hypot(forward, left)
-        return self.collisions.update(self.time, self.world.contacts())
+        distance = math.hypot(forward, left)
+        self.path_length += distance
+        began = self.collisions.update(self.time, self.world.contacts(), self._speed)
+        self._speed = distance / self.world.timestep
+        return began
 
     def _rest(self) -> None:
         self.base.stop()
+        self._speed = 0.0
         self.tilt_target = 0.0
         self.collisions = Collisions()
         self.path_length = 0.0
