@@ -1,0 +1,46 @@
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup setup-test demo test test-long lint bench train-demo clean
+
+PYTHON ?= python3
+SEED ?= 1
+SPEED ?= 1
+OUT ?= out/demo
+BENCH_OUT ?= out/bench
+TESTS ?= tests
+
+# Nothing started from here is seen by, or sees, another machine.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+ENV := source scripts/env.sh &&
+
+help: ## Show this list
+	@echo "cfnav: find a named object with one camera, touch nothing on the way."; echo
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
+
+setup: ## Build everything the demo needs (.venv, ROS, the workspace)
+	@$(PYTHON) scripts/set_up.py
+
+setup-test: ## The same, with what tests and training need
+	@$(PYTHON) scripts/set_up.py --test
+
+demo: setup ## Drive a simulated TurtleBot 4 to objects: ROOM=kitchen:25 GOALS=Fridge,Laptop SEED=1 SPEED=1
+	@$(ENV) exec python -m cfnav_ros.demo $(if $(ROOM),--room $(ROOM)) $(if $(GOALS),--goals $(GOALS)) \
+	  --seed $(SEED) --speed $(SPEED) --out $(OUT)
+
+test: setup-test ## Run the tests, the ROS graph included (TESTS=tests/ros for a part)
+	@$(ENV) CFNAV_REQUIRE_ROS=1 exec python -m pytest -m "not long" $(TESTS)
+
+test-long: setup-test ## Run the tests that take minutes
+	@$(ENV) CFNAV_REQUIRE_ROS=1 exec python -m pytest -m long $(TESTS)
+
+lint: setup-test ## Check style, types and spelling
+	@$(ENV) ruff check . && ruff format --check . && codespell && mypy
+
+bench: setup-test ## Measure the live graph and write out/bench
+	@$(ENV) exec python -m cfnav_ros.bench --out $(BENCH_OUT)
+
+train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
+	@$(ENV) exec scripts/train_demo.sh
+
+clean: ## Remove everything that was built
+	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log out build dist .pytest_cache .ruff_cache .mypy_cache
