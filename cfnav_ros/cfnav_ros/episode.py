@@ -1,0 +1,386 @@
+"""The life of one goal on the robot: preflight, then observe, think, move until an outcome.
+
+Pure: time, inputs and the policy are arguments, velocities are results. Whatever is unclear is
+answered with zero velocity; what stays unclear ends the episode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from enum import Enum
+from math import radians
+from typing import Protocol
+
+import numpy as np
+
+from cfnav_core.actions import HORIZONS_RAD, Action
+from cfnav_ros.inputs import AgeLimits, Inputs, StampedEstimate, unusable
+from cfnav_ros.lidar import Verdict
+from cfnav_ros.motion import STOP, Command, Motion, MotionLimits, Status
+from cfnav_ros.track import Track
+
+
+class Decision(Protocol):
+    """What a policy answers; the fields of ``cfnav_core.policy.Decision`` that are used here."""
+
+    action: Action
+    probabilities: np.ndarray
+    collision_probability: float
+    detection_score: float
+
+
+class Policy(Protocol):
+    """The part of ``cfnav_core.policy.Policy`` that drives an episode."""
+
+    goals: tuple[str, ...]
+
+    def reset(self, goal: str) -> None:
+        """Forget everything and look for goal."""
+
+    def act(self, rgb: np.ndarray, collision_probability: float | None = None) -> Decision:
+        """Decide on a picture, uint8 [H, W, 3]."""
+
+
+class Phase(Enum):
+    """Where an episode stands."""
+
+    PREFLIGHT = "preflight"
+    OBSERVE = "observe"
+    THINK = "think"
+    MOVE = "move"
+    TILT = "tilt"
+    STOPPING = "stopping"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True)
+class EpisodeLimits:
+    """When an episode observes, waits, gives up. Times are seconds of node time."""
+
+    max_steps: int = field(default=100, metadata={"help": "decisions, Done included"})
+    settle: float = field(default=0.15, metadata={"help": "from standing to a usable picture, s"})
+    preflight_timeout: float = field(default=10.0, metadata={"help": "to find robot and inputs, s"})
+    lost_timeout: float = field(default=2.0, metadata={"help": "stand on lost inputs, then end, s"})
+    observe_timeout: float = field(default=5.0, metadata={"help": "to come to rest and look, s"})
+    think_timeout: float = field(default=10.0, metadata={"help": "for one decision, s"})
+    tilt_timeout: float = field(default=5.0, metadata={"help": "for one camera tilt, s"})
+    tilt_tolerance_deg: float = field(default=1.0, metadata={"help": "of the camera tilt, deg"})
+    stop_time: float = field(default=0.5, metadata={"help": "zero velocity at the end, s"})
+    blind_timeout: float = field(default=5.0, metadata={"help": "blind LiDAR ends it, s"})
+    max_failed_motions: int = field(default=8, metadata={"help": "in a row: the base is stuck"})
+    lidar: bool = field(
+        default=True,
+        metadata={"help": "collision probability from the LiDAR; off: the bundle's own, no veto"},
+    )
+    veto: bool = field(default=True, metadata={"help": "the LiDAR may forbid a MoveAhead"})
+    veto_probability: float = field(default=0.5, metadata={"help": "from which it does"})
+    guard_slack: float = field(
+        default=0.05, metadata={"help": "clearance lost while driving that stops a MoveAhead, m"}
+    )
+    has_tilt: bool = field(default=True, metadata={"help": "the camera tilts on command"})
+    motion: MotionLimits = field(default_factory=MotionLimits)
+    ages: AgeLimits = field(default_factory=AgeLimits)
+
+    def __post_init__(self) -> None:
+        if self.max_steps < 1:
+            raise ValueError(f"max_steps is {self.max_steps}, expected at least 1.")
+        if not 0 < self.veto_probability <= 1:
+            raise ValueError(
+                f"veto_probability is {self.veto_probability}, expected a number in (0, 1]."
+            )
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """One decision of an episode, made but not yet executed."""
+
+    step: int
+    decision: Decision
+    image_stamp_ns: int
+    estimate_stamp_ns: int
+    vetoed: bool
+
+
+@dataclass(frozen=True)
+class Output:
+    """What to do now: a velocity always; a tilt to command and a decision to publish if any."""
+
+    command: Command = STOP
+    tilt: float | None = None
+    record: StepRecord | None = None
+
+
+REST_TIMEOUT_S = 2.0
+"""A robot that still moves this long after the end is reported as it is."""
+
+
+class Episode:
+    """Drives one goal; ``update`` at the velocity rate until ``ended``."""
+
+    def __init__(
+        self,
+        goal: str,
+        policy: Policy,
+        submit: Callable[..., Future],
+        limits: EpisodeLimits = EpisodeLimits(),
+        time_limit: float = 0.0,
+    ) -> None:
+        """Prepare an episode; nothing happens before the first ``update``.
+
+        Args:
+            goal: category to look for.
+            policy: reset and asked through ``submit``, one call at a time.
+            submit: like ``concurrent.futures.Executor.submit``; where the policy runs.
+            limits: see EpisodeLimits.
+            time_limit: seconds of node time, 0 for none.
+        """
+        self.goal = goal
+        self.phase = Phase.PREFLIGHT
+        self.outcome, self.message = "", ""
+        self.steps, self.vetoes = 0, 0
+        self.track = Track()
+        self._policy, self._submit = policy, submit
+        self._limits, self._time_limit = limits, time_limit
+        self._begun: float | None = None
+        self._t = self._since = self._usable_at = self._seeing_at = 0.0
+        self._still_from = 0.0
+        self._used_ns = -1
+        self._failed_motions = 0
+        self._origin = 0.0
+        self._level = 0
+        self._motion: Motion | None = None
+        self._observation: tuple[int, StampedEstimate | None] = (0, None)
+        self._answer: Future | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether the outcome stands and the robot was told to stop for long enough."""
+        return self.phase is Phase.ENDED
+
+    def finish(self, outcome: str, message: str) -> None:
+        """End the episode: stop first, unless it never got to drive. The first call counts."""
+        if self.outcome:
+            return
+        self.outcome, self.message = outcome, message
+        self.phase = Phase.ENDED if self.phase is Phase.PREFLIGHT else Phase.STOPPING
+        self._since = self._t
+
+    def update(self, t: float, inputs: Inputs) -> Output:
+        """Advance to node time t (seconds) with the newest inputs."""
+        if self._begun is None:
+            self._begun = self._since = self._usable_at = self._seeing_at = self._t = t
+        if self.ended:
+            return Output()
+        self._check_time(t)
+        self._watch(inputs)
+        lost = self._check_inputs(t, inputs)
+        if self.phase is Phase.STOPPING:
+            return self._stopping(t)
+        if lost or self.ended:
+            return Output()
+        phases = {
+            Phase.PREFLIGHT: self._preflight,
+            Phase.OBSERVE: self._observe,
+            Phase.THINK: self._think,
+            Phase.MOVE: self._move,
+            Phase.TILT: self._tilt,
+        }
+        return phases[self.phase](t, inputs)
+
+    def _enter(self, phase: Phase, t: float) -> None:
+        self.phase, self._since = phase, t
+
+    # Watching
+
+    def _fail(self, message: str) -> None:
+        self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
+
+    def _check_time(self, t: float) -> None:
+        before, self._t = self._t, t
+        if t < before:
+            self._fail("Node time jumped back.")
+            self._since = t
+        elif self._time_limit and t - self._begun > self._time_limit:
+            self.finish("time_limit", f"{self._time_limit:g} s have passed.")
+
+    def _watch(self, inputs: Inputs) -> None:
+        """Take account of new odometry and bumps."""
+        if self.phase is Phase.PREFLIGHT:
+            return
+        if self.track.bump(inputs.bumped_at) and self._motion:
+            self._motion.bump()
+        if inputs.odometry and not self.track.odometry(inputs.odometry):
+            self._fail("Odometry jumped: its pose was reset, or the robot was moved.")
+
+    def _check_inputs(self, t: float, inputs: Inputs) -> bool:
+        """Whether the inputs cannot be used now; ends the episode when that lasts."""
+        limits = self._limits
+        complaint = unusable(t, inputs, limits.ages, limits.lidar, limits.has_tilt)
+        if inputs.base.fault:
+            self._fail(inputs.base.fault)
+        elif self.phase is Phase.PREFLIGHT:
+            if t - self._begun > limits.preflight_timeout:
+                self._fail(complaint or inputs.base.waiting or "The policy is still busy.")
+        elif complaint and t - self._usable_at > limits.lost_timeout:
+            self._fail(complaint)
+        estimate = inputs.estimate.estimate if limits.lidar and inputs.estimate else None
+        if estimate is None or estimate.verdict is not Verdict.BLIND:
+            self._seeing_at = t
+        elif t - self._seeing_at > limits.blind_timeout:
+            self._fail(f"The LiDAR is blind: {estimate.reason}")
+        if not complaint:
+            self._usable_at = t
+        return bool(complaint)
+
+    # Phases: each is one state of the machine
+
+    def _preflight(self, t: float, inputs: Inputs) -> Output:
+        if self._answer is None:
+            fault = self._refusal(inputs)
+            if fault:
+                self._fail(fault)
+                return Output()
+            self._answer = self._submit(self._policy.reset, self.goal)
+        if not inputs.base.ready or not self._answer.done():
+            return Output()
+        if self._answer.exception():
+            self._fail(str(self._answer.exception()))
+            return Output()
+        self._answer = None
+        self.track = Track(inputs.bumped_at)
+        self._origin = inputs.odometry.yaw
+        self._still_from = t
+        return self._tilt_to(0, t)
+
+    def _refusal(self, inputs: Inputs) -> str:
+        if self.goal not in self._policy.goals:
+            return (
+                f"The bundle knows no goal {self.goal!r}; it knows {', '.join(self._policy.goals)}."
+            )
+        try:
+            inputs.frame.decode()
+        except ValueError as error:
+            return str(error)
+        return ""
+
+    def _observe(self, t: float, inputs: Inputs) -> Output:
+        if self.steps >= self._limits.max_steps:
+            self.finish("step_limit", f"{self.steps} decisions were made without Done.")
+        elif self._observable(inputs):
+            self._ask(t, inputs)
+        elif t - self._since > self._limits.observe_timeout:
+            self._fail("The robot does not come to rest, or no new picture arrives.")
+        return Output()
+
+    def _observable(self, inputs: Inputs) -> bool:
+        """Whether picture and scan were both taken after the robot stood, and are new."""
+        since = self.track.still_since
+        if since is None:
+            return False
+        since = max(since, self._still_from)
+        seen = inputs.frame.stamp_ns * 1e-9 >= since + self._limits.settle
+        scanned = not self._limits.lidar or inputs.estimate.stamp_ns * 1e-9 >= since
+        return seen and scanned and inputs.frame.stamp_ns > self._used_ns
+
+    def _ask(self, t: float, inputs: Inputs) -> None:
+        try:
+            rgb = inputs.frame.decode()
+        except ValueError as error:
+            self._fail(str(error))
+            return
+        estimate = inputs.estimate if self._limits.lidar else None
+        probability = estimate.estimate.probability if estimate else None
+        self._used_ns = inputs.frame.stamp_ns
+        self._observation = (inputs.frame.stamp_ns, estimate)
+        self._answer = self._submit(self._policy.act, rgb, probability)
+        self._enter(Phase.THINK, t)
+
+    def _think(self, t: float, inputs: Inputs) -> Output:
+        if not self._answer.done():
+            if t - self._since > self._limits.think_timeout:
+                self._fail("The policy did not answer in time.")
+            return Output()
+        if self._answer.exception():
+            self._fail(f"The policy failed: {self._answer.exception()}")
+            return Output()
+        decision, self._answer = self._answer.result(), None
+        stamp, estimate = self._observation
+        self.steps += 1
+        vetoed = decision.action is Action.MoveAhead and self._vetoes(estimate)
+        self.vetoes += vetoed
+        record = StepRecord(
+            self.steps, decision, stamp, estimate.stamp_ns if estimate else 0, vetoed
+        )
+        output = Output() if vetoed else self._execute(decision.action, t, inputs)
+        if vetoed:
+            self._enter(Phase.OBSERVE, t)
+        return Output(output.command, output.tilt, record)
+
+    def _vetoes(self, estimate: StampedEstimate | None) -> bool:
+        limits = self._limits
+        if not limits.veto or estimate is None:
+            return False
+        return estimate.estimate.probability >= limits.veto_probability
+
+    def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
+        if action is Action.Done:
+            self.finish("done", f"The policy says that it sees the {self.goal}.")
+            return Output()
+        if action in (Action.LookUp, Action.LookDown):
+            return self._tilt_to(0 if action is Action.LookUp else 1, t)
+        self._motion = Motion(action, t, inputs.odometry, self._origin, self._limits.motion)
+        self._enter(Phase.MOVE, t)
+        return Output()
+
+    def _tilt_to(self, level: int, t: float) -> Output:
+        """Tilt the camera to a level of HORIZONS_RAD; without a tilt this succeeds unmoved."""
+        self._level = level
+        self._enter(Phase.TILT if self._limits.has_tilt else Phase.OBSERVE, t)
+        return Output(tilt=HORIZONS_RAD[level] if self._limits.has_tilt else None)
+
+    def _tilt(self, t: float, inputs: Inputs) -> Output:
+        target = HORIZONS_RAD[self._level]
+        reached = abs(inputs.tilt.angle - target) <= radians(self._limits.tilt_tolerance_deg)
+        if reached and inputs.tilt.stamp > self._since:
+            self._still_from = t
+            self._enter(Phase.OBSERVE, t)
+        elif t - self._since > self._limits.tilt_timeout:
+            self._fail(f"The camera stays at {inputs.tilt.angle:.2f} rad.")
+        return Output(tilt=target)
+
+    def _move(self, t: float, inputs: Inputs) -> Output:
+        self._guard(inputs)
+        command, status = self._motion.update(t, inputs.odometry)
+        if status is Status.DRIVING:
+            return Output(command)
+        if status is Status.ODOM_JUMP:
+            self._fail(self._motion.reason)
+            return Output()
+        self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
+        if self._failed_motions >= self._limits.max_failed_motions:
+            self._fail(f"{self._failed_motions} motions failed: {self._motion.reason}")
+            return Output()
+        self._motion = None
+        self._still_from = t
+        self._enter(Phase.OBSERVE, t)
+        return Output()
+
+    def _guard(self, inputs: Inputs) -> None:
+        """Stop a MoveAhead when a scan taken on the way sees less room than the way still needs."""
+        limits, odometry, seen = self._limits, inputs.odometry, inputs.estimate
+        watched = limits.veto and limits.lidar and self._motion.action is Action.MoveAhead
+        if not watched or seen.stamp_ns * 1e-9 <= self._since:
+            return
+        driven = max(odometry.stamp - seen.stamp_ns * 1e-9, 0.0) * max(odometry.v, 0.0)
+        needed = self._motion.remaining(odometry) + driven - limits.guard_slack
+        if seen.estimate.verdict is Verdict.BLIND or seen.estimate.clearance < needed:
+            self._motion.block("The LiDAR sees the way closing.")
+
+    def _stopping(self, t: float) -> Output:
+        waited = t - self._since
+        resting = self.track.still_since is not None
+        if waited >= self._limits.stop_time and (resting or waited >= REST_TIMEOUT_S):
+            self._enter(Phase.ENDED, t)
+        return Output()

@@ -1,0 +1,251 @@
+"""One discrete motion, closed-loop on odometry: MoveAhead, RotateLeft, RotateRight.
+
+Pure: time is an argument. The robot keeps to the episode's eight headings: every motion steers for
+the grid heading, not for the heading it happened to start with, so that what one turn leaves over
+is carried into the next.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+from cfnav_core.actions import STEP_M, TURN_RAD, Action
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """One odometry sample: seconds, metres and radians in the odom frame; v, w in base_link."""
+
+    stamp: float
+    x: float
+    y: float
+    yaw: float
+    v: float = 0.0
+    w: float = 0.0
+
+
+@dataclass(frozen=True)
+class Command:
+    """Velocity of the base: v metres/s forward, w rad/s counter-clockwise. The default is zero."""
+
+    v: float = 0.0
+    w: float = 0.0
+
+
+STOP = Command()
+
+
+class Status(Enum):
+    """Where a motion stands; all but DRIVING are final."""
+
+    DRIVING = "driving"
+    SUCCEEDED = "succeeded"
+    BLOCKED = "blocked"
+    TIMEOUT = "timeout"
+    ODOM_JUMP = "odometry jumped"
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Speeds and tolerances of the executor.
+
+    Sources: speeds stay under the Create 3's 0.306 m/s, 0.9 m/s^2 and 1.9 rad/s because a mast
+    sways; floors and tolerances are those of its own drive actions; deadlines are three times the
+    nominal duration.
+    """
+
+    v_max: float = field(default=0.20, metadata={"help": "top speed, m/s"})
+    v_min: float = field(default=0.05, metadata={"help": "creep speed, m/s"})
+    a_lin: float = field(default=0.5, metadata={"help": "acceleration, m/s^2"})
+    w_max: float = field(default=1.0, metadata={"help": "top turn rate, rad/s"})
+    w_min: float = field(default=0.1, metadata={"help": "creep turn rate, rad/s"})
+    a_ang: float = field(default=2.0, metadata={"help": "turn acceleration, rad/s^2"})
+    tolerance_m: float = field(default=0.005, metadata={"help": "end of a MoveAhead, m"})
+    tolerance_deg: float = field(default=0.5, metadata={"help": "end of a turn, deg"})
+    move_deadline: float = field(default=5.0, metadata={"help": "s"})
+    turn_deadline: float = field(default=4.0, metadata={"help": "s"})
+    stall_time: float = field(default=1.0, metadata={"help": "no progress for this long, s"})
+    latency: float = field(default=0.05, metadata={"help": "age of odometry when used, s"})
+    heading_gain: float = field(default=2.0, metadata={"help": "rad/s per rad while driving"})
+    hold_rate: float = field(default=0.5, metadata={"help": "most of the heading hold, rad/s"})
+
+    def __post_init__(self) -> None:
+        for low, high in (("v_min", "v_max"), ("w_min", "w_max")):
+            if not 0 < getattr(self, low) <= getattr(self, high):
+                raise ValueError(
+                    f"{low} is {getattr(self, low)}, expected a number in (0, {high} = "
+                    f"{getattr(self, high)}]."
+                )
+        for name in ("a_lin", "a_ang", "tolerance_m", "tolerance_deg", "stall_time"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected a positive number.")
+
+
+MAX_GAP_S = 0.3
+"""Updates further apart than this do not count against deadline and stall (inputs were lost)."""
+
+JUMP_M, JUMP_M_PER_S = 0.10, 0.46
+JUMP_RAD, JUMP_RAD_PER_S = math.radians(20.0), 1.9
+"""Odometry that moves more between two samples, beyond the base's top speed, was reset."""
+
+STALL_M = 0.02
+STALL_RAD = math.radians(2.0)
+"""Progress expected within ``stall_time``."""
+
+RETREAT = 1.5
+"""Going back by this many stalls means that a reflex of the base has taken over."""
+
+
+def wrap(angle: float) -> float:
+    """The angle in [-pi, pi), radians."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def grid_heading(yaw: float, origin: float, turns: int = 0) -> float:
+    """Heading of the episode's 45-degree set nearest to yaw, turned by some steps.
+
+    Args:
+        yaw: measured heading, radians.
+        origin: any heading of the set, radians.
+        turns: steps of 45 degrees, counter-clockwise positive.
+
+    Returns:
+        Radians in [-pi, pi).
+    """
+    return wrap(origin + (round(wrap(yaw - origin) / TURN_RAD) + turns) * TURN_RAD)
+
+
+def jumped(before: Odometry, after: Odometry) -> bool:
+    """Whether the pose moved further between two samples than a base can drive."""
+    dt = max(after.stamp - before.stamp, 0.0)
+    leap = math.hypot(after.x - before.x, after.y - before.y)
+    turn = abs(wrap(after.yaw - before.yaw))
+    return leap > JUMP_M + JUMP_M_PER_S * dt or turn > JUMP_RAD + JUMP_RAD_PER_S * dt
+
+
+def trapezoid(
+    remaining: float, previous: float, dt: float, top: float, floor: float, accel: float, lag: float
+) -> float:
+    """Speed of a ramp up, a cruise and a ramp that ends at the target.
+
+    Args:
+        remaining: way to go, metres or radians.
+        previous: speed commanded last, per second.
+        dt: seconds since then.
+        top: highest speed.
+        floor: lowest speed, so that friction cannot stop the robot short.
+        accel: of both ramps.
+        lag: seconds by which ``remaining`` is old.
+    """
+    braking = math.sqrt(2 * accel * max(remaining - previous * lag, 0.0))
+    return max(min(top, braking, previous + accel * dt), floor)
+
+
+class Motion:
+    """The execution of one MoveAhead or turn; ``update`` at the velocity rate until final."""
+
+    def __init__(
+        self,
+        action: Action,
+        t: float,
+        odometry: Odometry,
+        origin: float,
+        limits: MotionLimits = MotionLimits(),
+        step: float = STEP_M,
+    ) -> None:
+        """Start a motion.
+
+        Args:
+            action: MoveAhead, RotateLeft or RotateRight.
+            t: node time, seconds.
+            odometry: where the robot stands now.
+            origin: a heading of the episode's 45-degree set, odom frame, radians.
+            limits: speeds and tolerances.
+            step: length of MoveAhead, metres.
+
+        Raises:
+            ValueError: another action.
+        """
+        if action not in (Action.MoveAhead, Action.RotateLeft, Action.RotateRight):
+            raise ValueError(f"{action.name} is no motion of the base.")
+        self.action = action
+        self.reason = ""
+        self._side = {Action.RotateLeft: 1, Action.RotateRight: -1}.get(action, 0)
+        self._heading = grid_heading(odometry.yaw, origin, self._side)
+        self._start, self._last = odometry, odometry
+        self._limits, self._step = limits, step
+        self._t, self._speed = t, 0.0
+        self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
+        self._mark = (t, self.remaining(odometry))
+        self._status = Status.DRIVING
+
+    def remaining(self, odometry: Odometry) -> float:
+        """Way to go: metres along the grid heading, or radians in the sense of the turn."""
+        if self._side:
+            return self._side * wrap(self._heading - odometry.yaw)
+        dx, dy = odometry.x - self._start.x, odometry.y - self._start.y
+        return self._step - (dx * math.cos(self._heading) + dy * math.sin(self._heading))
+
+    def update(self, t: float, odometry: Odometry) -> tuple[Command, Status]:
+        """Advance to time t (seconds) with the newest odometry; zero velocity once final."""
+        if self._status is not Status.DRIVING:
+            return STOP, self._status
+        dt, self._t = t - self._t, t
+        remaining = self.remaining(odometry)
+        if dt > MAX_GAP_S:
+            self._deadline += dt
+            self._mark = (t, remaining)
+            self._speed, dt = 0.0, 0.0
+        self._status = self._judge(t, odometry, remaining)
+        self._last = odometry
+        if self._status is not Status.DRIVING:
+            return STOP, self._status
+        return self._drive(remaining, odometry, dt), self._status
+
+    def bump(self) -> None:
+        """The bumper was hit: a MoveAhead ends, a turn goes on (it may be the way out)."""
+        if not self._side:
+            self.block("The bumper was hit.")
+
+    def block(self, reason: str) -> None:
+        """End the motion as BLOCKED: something outside of odometry says so."""
+        if self._status is Status.DRIVING:
+            self._status, self.reason = Status.BLOCKED, reason
+
+    def _judge(self, t: float, odometry: Odometry, remaining: float) -> Status:
+        limits = self._limits
+        tolerance = math.radians(limits.tolerance_deg) if self._side else limits.tolerance_m
+        stall = STALL_RAD if self._side else STALL_M
+        marked_t, marked = self._mark
+        if jumped(self._last, odometry):
+            self.reason = "Odometry jumped between two samples."
+            return Status.ODOM_JUMP
+        if remaining <= tolerance:
+            return Status.SUCCEEDED
+        if remaining > marked + RETREAT * stall:
+            self.reason = f"The base backed off during {self.action.name}."
+            return Status.BLOCKED
+        if marked - remaining >= stall:
+            self._mark = (t, remaining)
+        elif t - marked_t > limits.stall_time:
+            self.reason = f"{self.action.name} made no progress for {limits.stall_time:g} s."
+            return Status.BLOCKED
+        if t > self._deadline:
+            self.reason = f"{self.action.name} did not finish in time."
+            return Status.TIMEOUT
+        return Status.DRIVING
+
+    def _drive(self, remaining: float, odometry: Odometry, dt: float) -> Command:
+        limits = self._limits
+        if self._side:
+            self._speed = trapezoid(
+                remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, limits.latency
+            )
+            return Command(w=self._side * self._speed)
+        self._speed = trapezoid(
+            remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, limits.latency
+        )
+        hold = limits.heading_gain * wrap(self._heading - odometry.yaw)
+        return Command(self._speed, max(-limits.hold_rate, min(limits.hold_rate, hold)))

@@ -1,0 +1,98 @@
+"""May the policy drive what listens on cmd_vel? Pure: who is on the topic is an argument."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+STAMPED = "geometry_msgs/msg/TwistStamped"
+UNSTAMPED = "geometry_msgs/msg/Twist"
+TYPES = {"stamped": STAMPED, "unstamped": UNSTAMPED}
+
+MOCK = "mock_turtlebot4"
+"""Node name of the simulated base, the only one that may be driven without ``allow_robot``."""
+
+RECORDERS = ("recorder", "rosbag2_recorder")
+"""Nodes that listen to everything and drive nothing."""
+
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
+"""What discovery says of an endpoint whose node it has not heard of yet."""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A publisher or subscriber of a topic: the name of its node and its message type."""
+
+    node: str
+    type: str
+
+
+@dataclass(frozen=True)
+class BaseCheck:
+    """What is known of the base: ``fault`` forbids driving for good, ``waiting`` only so far.
+
+    ``type`` is the message type to send when neither is set.
+    """
+
+    type: str = ""
+    waiting: str = ""
+    fault: str = ""
+
+    @property
+    def ready(self) -> bool:
+        """Whether the base may be driven now."""
+        return not (self.waiting or self.fault)
+
+
+def check_base(
+    topic: str,
+    subscribers: Sequence[Endpoint],
+    other_publishers: Sequence[str],
+    cmd_vel_type: str = "auto",
+    allow_robot: bool = False,
+    friends: Sequence[str] = (),
+) -> BaseCheck:
+    """Decide whether and with which message type to drive.
+
+    Args:
+        topic: resolved name of the velocity topic, for the sentences.
+        subscribers: who listens on it.
+        other_publishers: names of other nodes that publish on it.
+        cmd_vel_type: auto, stamped or unstamped.
+        allow_robot: whether anything but the mock may be driven.
+        friends: nodes that may publish beside us (a teleoperation under a deadman button).
+
+    Returns:
+        The message type, or one sentence why not (yet).
+    """
+    rivals = sorted(set(other_publishers) - set(friends))
+    if rivals:
+        return BaseCheck(
+            fault=f"{', '.join(rivals)} also publishes on {topic}: stop it, one node must drive."
+        )
+    bases = [s for s in subscribers if s.node not in RECORDERS]
+    if not bases:
+        return BaseCheck(waiting=f"No robot listens on {topic}.")
+    if any(base.node == UNKNOWN_NODE for base in bases):
+        return BaseCheck(waiting=f"A listener on {topic} has not said its name.")
+    robots = sorted({base.node for base in bases} - {MOCK})
+    if robots and not allow_robot:
+        return BaseCheck(
+            fault=f"{', '.join(robots)} listens on {topic} and may be a real robot: set "
+            "allow_robot to drive it."
+        )
+    return _choose_type(topic, {base.type for base in bases}, cmd_vel_type)
+
+
+def _choose_type(topic: str, types: set[str], wanted: str) -> BaseCheck:
+    found = ", ".join(sorted(types))
+    if len(types) > 1:
+        return BaseCheck(fault=f"Listeners on {topic} want different types ({found}).")
+    if found not in TYPES.values():
+        return BaseCheck(fault=f"The listener on {topic} wants {found}, expected {STAMPED}.")
+    if wanted != "auto" and TYPES[wanted] != found:
+        return BaseCheck(
+            fault=f"cmd_vel_type is {wanted}, but the listener on {topic} wants {found}: set it to "
+            "auto."
+        )
+    return BaseCheck(type=found)

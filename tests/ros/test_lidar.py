@@ -1,0 +1,239 @@
+"""The LiDAR estimate against scenes with known answers and against every kind of bad scan."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from cfnav_ros.lidar import (
+    Scan,
+    SweptDisc,
+    Verdict,
+    collision_probability,
+    distinct_returns,
+    estimate_collision,
+)
+
+DISC = SweptDisc()
+REACH = DISC.radius + DISC.margin
+
+
+def scan_of(distance, returns=360, copies=3):
+    """A scan like the A1 driver's: distance(bearing in the LiDAR's base-aligned frame) -> metres.
+
+    The LiDAR's own x-axis points left of the robot, so bearing 0 is laser angle -pi/2.
+    """
+    angle_min, angle_max = -3.12414, math.pi
+    count = returns * copies
+    increment = (angle_max - angle_min) / (count - 1)
+    centres = angle_min + (np.arange(returns) * copies + (copies - 1) / 2) * increment
+    values = np.array([distance(angle + math.pi / 2) for angle in centres], np.float32)
+    return Scan(np.repeat(values, copies), angle_min, angle_max, increment, 0.15, 12.0)
+
+
+def wall_ahead(base_x, else_at=3.0):
+    """A wall across the way at base_x in base_link, everything else 3 m away."""
+
+    def distance(bearing):
+        forward = math.cos(bearing)
+        return min((base_x + 0.04) / forward, else_at) if forward > 0.05 else else_at
+
+    return distance
+
+
+def room(bearing):
+    """Something at 3 m all round, never twice the same value."""
+    return 3.0 + 0.1 * math.sin(bearing)
+
+
+def replaced(scan, value, low_deg, high_deg):
+    """The scan with every beam between two bearings (base frame) set to a value."""
+    bearing = scan.angle_min + np.arange(scan.ranges.size) * scan.angle_increment + math.pi / 2
+    bearing = np.degrees((bearing + math.pi) % (2 * math.pi) - math.pi)
+    ranges = scan.ranges.copy()
+    ranges[(bearing >= low_deg) & (bearing <= high_deg)] = value
+    return dataclasses.replace(scan, ranges=ranges)
+
+
+@pytest.mark.parametrize("base_x", [0.25, 0.40, 0.55, 1.0])
+def test_wall_ahead_gives_the_distance_to_contact(base_x):
+    estimate = estimate_collision(scan_of(wall_ahead(base_x)))
+    assert estimate.verdict is Verdict.GOOD
+    assert estimate.reason == ""
+    assert estimate.clearance == pytest.approx(base_x - REACH, abs=0.002)
+    assert estimate.known_fraction == pytest.approx(1.0, abs=0.01)
+
+
+def test_probability_is_half_at_step_plus_bias_and_falls_with_clearance():
+    assert collision_probability(DISC.step + DISC.bias, DISC) == pytest.approx(0.5)
+    # By hand: 0.03 m closer is one scale, 1 / (1 + e^-1).
+    assert collision_probability(DISC.step + DISC.bias - 0.03, DISC) == pytest.approx(
+        0.731, abs=1e-3
+    )
+    values = [collision_probability(c, DISC) for c in np.linspace(0, 12, 200)]
+    assert values == sorted(values, reverse=True)
+    assert values[0] > 0.99
+    assert values[-1] < 1e-6
+
+
+def test_a_blocked_and_a_free_way():
+    blocked = estimate_collision(scan_of(wall_ahead(0.25 + REACH - 0.05)))
+    free = estimate_collision(scan_of(wall_ahead(0.25 + REACH + 0.15)))
+    assert blocked.probability > 0.8
+    assert free.probability < 0.02
+
+
+def test_a_wall_alongside_is_no_obstacle():
+    def corridor(bearing):
+        side = abs(math.sin(bearing))
+        return min(0.19 / side, 3.0) if side > 0.01 else 3.0
+
+    estimate = estimate_collision(scan_of(corridor))
+    assert estimate.verdict is Verdict.GOOD
+    assert estimate.probability < 0.01
+
+
+def test_a_chair_leg_off_centre_counts_where_the_disc_meets_it():
+    x, y = 0.45, 0.12
+    bearing0, range0 = math.atan2(y, x + 0.04), math.hypot(x + 0.04, y)
+
+    def leg(bearing):
+        return range0 if abs(bearing - bearing0) < math.radians(0.8) else room(bearing)
+
+    estimate = estimate_collision(scan_of(leg))
+    assert estimate.clearance == pytest.approx(x - math.sqrt(REACH**2 - y**2), abs=0.01)
+
+
+def test_only_what_is_ahead_matters():
+    """Left, right, behind: near things there do not block a MoveAhead (the mounting is turned)."""
+    for centre in (90, -90, 179):
+        estimate = estimate_collision(
+            replaced(scan_of(room), 0.25, centre - 20, min(centre + 20, 180))
+        )
+        assert estimate.probability < 0.01, centre
+
+
+def test_the_mounting_decides_what_is_ahead():
+    """Laser angle 0 is the robot's left; taken for forward it would block the way."""
+    left = replaced(scan_of(room), 0.35, 80, 100)
+    assert estimate_collision(left).probability < 0.01
+    assert estimate_collision(left, SweptDisc(mount_yaw_deg=0.0)).probability > 0.9
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan, 0.0, -1.0, 0.10, 13.0, -math.inf, 2.0])
+def test_a_scan_of_one_value_is_blind(value):
+    scan = scan_of(room)
+    estimate = estimate_collision(
+        dataclasses.replace(scan, ranges=np.full_like(scan.ranges, value))
+    )
+    assert estimate.verdict is Verdict.BLIND
+    assert (estimate.probability, estimate.clearance) == (1.0, 0.0)
+    assert estimate.reason.endswith(".")
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan])
+@pytest.mark.parametrize(
+    ("width", "verdict"),
+    [(4, Verdict.GOOD), (20, Verdict.DEGRADED), (36, Verdict.BLIND), (90, Verdict.BLIND)],
+)
+def test_an_unknown_sector_ahead(value, width, verdict):
+    estimate = estimate_collision(replaced(scan_of(room), value, -width / 2, width / 2))
+    assert estimate.verdict is verdict
+    if verdict is Verdict.DEGRADED:
+        assert 0.3 < estimate.probability < 0.7
+        assert "20 degrees" in estimate.reason
+
+
+def test_an_unknown_sector_behind_does_not_matter():
+    assert estimate_collision(replaced(scan_of(room), math.inf, 80, 180)).verdict is Verdict.GOOD
+
+
+def test_scattered_missing_returns_are_normal():
+    scan = scan_of(room)
+    missing = np.repeat(np.random.default_rng(0).random(360) < 0.1, 3)
+    estimate = estimate_collision(
+        dataclasses.replace(scan, ranges=np.where(missing, np.inf, scan.ranges))
+    )
+    assert estimate.verdict is Verdict.GOOD
+    assert 0.85 < estimate.known_fraction < 0.95
+    assert estimate.probability < 0.01
+
+
+@pytest.mark.parametrize("value", [0.10, -math.inf])
+def test_a_return_under_range_min_is_an_obstacle(value):
+    estimate = estimate_collision(replaced(scan_of(room), value, -3, 3))
+    assert estimate.clearance == 0.0
+    assert estimate.probability > 0.99
+
+
+def test_the_robots_own_posts_are_no_obstacle():
+    scan = replaced(replaced(scan_of(room), 0.134, 56, 60), 0.134, -60, -56)
+    assert estimate_collision(scan).probability < 0.01
+    assert estimate_collision(scan).verdict is Verdict.GOOD
+    unmasked = SweptDisc(mask_bearings_deg="")
+    assert estimate_collision(scan, unmasked).probability > 0.99
+
+
+@pytest.mark.parametrize(("returns", "copies"), [(360, 1), (1034, 1), (360, 3), (1080, 3)])
+def test_the_number_of_ranges_may_change(returns, copies):
+    estimate = estimate_collision(scan_of(wall_ahead(0.6), returns, copies))
+    assert estimate.verdict is Verdict.GOOD
+    assert estimate.clearance == pytest.approx(0.6 - REACH, abs=0.003)
+
+
+def test_a_turned_round_scan_says_the_same():
+    scan = scan_of(wall_ahead(0.5))
+    mirrored = Scan(
+        scan.ranges[::-1], scan.angle_max, scan.angle_min, -scan.angle_increment, 0.15, 12.0
+    )
+    assert estimate_collision(mirrored).clearance == pytest.approx(
+        estimate_collision(scan).clearance, abs=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"ranges": np.zeros(0, np.float32)},
+        {"ranges": np.full(1, 2.0, np.float32)},
+        {"ranges": np.full(700, 2.0, np.float32)},
+        {"angle_increment": 0.0},
+        {"angle_increment": math.nan},
+        {"angle_increment": -0.0058},
+        {"angle_min": math.inf},
+        {"angle_max": 0.0},
+        {"range_min": 12.0, "range_max": 0.15},
+        {"range_max": math.nan},
+    ],
+)
+def test_malformed_fields_are_blind(change):
+    estimate = estimate_collision(dataclasses.replace(scan_of(room), **change))
+    assert estimate.verdict is Verdict.BLIND
+    assert estimate.probability == 1.0
+    assert estimate.reason.endswith(".")
+
+
+def test_a_scanner_that_looks_away_is_blind():
+    backwards = SweptDisc(mount_yaw_deg=-90.0)
+    half = scan_of(room)
+    keep = slice(0, half.ranges.size // 2)  # laser -pi..0, the robot's right and front when upright
+    front = dataclasses.replace(
+        half,
+        ranges=half.ranges[keep],
+        angle_max=half.angle_min + (half.ranges[keep].size - 1) * half.angle_increment,
+    )
+    assert estimate_collision(front).verdict is Verdict.GOOD
+    assert estimate_collision(front, backwards).verdict is Verdict.BLIND
+
+
+def test_runs_of_equal_values_are_one_return():
+    index, value = distinct_returns(np.array([1.0, 1.0, 1.0, 2.0, np.inf, np.inf]))
+    assert index.tolist() == [1.0, 3.0, 4.5]
+    assert value.tolist() == [1.0, 2.0, np.inf]
+
+
+def test_bad_settings_are_refused_with_a_sentence():
+    with pytest.raises(ValueError, match="mask_bearings_deg is 'left'"):
+        SweptDisc(mask_bearings_deg="left")
+    with pytest.raises(ValueError, match="scale is 0"):
+        SweptDisc(scale=0)
