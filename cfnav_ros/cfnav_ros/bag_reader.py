@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rosbags.highlevel import AnyReader
@@ -84,7 +85,7 @@ def read_pictures(bag: Path, stamps_ns: Collection[int]) -> dict[int, np.ndarray
     return pictures
 
 
-def _messages(bag: Path, topics: Collection[str]) -> Iterator[tuple[str, int, object]]:
+def _messages(bag: Path, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
     """Yield (topic, log time in ns, message) of the given topics in the order of their times."""
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
@@ -103,12 +104,12 @@ def _short(topic: str, wanted: Collection[str]) -> str | None:
     return next((name for name in wanted if ("/" + topic).endswith("/" + name)), None)
 
 
-def _ns(stamp) -> int:  # noqa: ANN001
+def _ns(stamp: Any) -> int:
     """Return a stamp as nanoseconds."""
     return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
-def _truth(m) -> Truth:  # noqa: ANN001
+def _truth(m: Any) -> Truth:
     return Truth(
         t_ns=_ns(m.header.stamp),
         x=m.x,
@@ -123,7 +124,7 @@ def _truth(m) -> Truth:  # noqa: ANN001
     )
 
 
-def _decision(m) -> Decision:  # noqa: ANN001
+def _decision(m: Any) -> Decision:
     return Decision(
         t_ns=_ns(m.header.stamp),
         image_ns=_ns(m.image_stamp),
@@ -135,7 +136,7 @@ def _decision(m) -> Decision:  # noqa: ANN001
     )
 
 
-def _status(m) -> Status:  # noqa: ANN001
+def _status(m: Any) -> Status:
     return Status(
         t_ns=_ns(m.header.stamp),
         started=m.phase == _STARTED,
@@ -146,20 +147,20 @@ def _status(m) -> Status:  # noqa: ANN001
     )
 
 
-def _estimate(m) -> Estimate:  # noqa: ANN001
+def _estimate(m: Any) -> Estimate:
     return Estimate(_ns(m.header.stamp), m.probability, m.clearance)
 
 
 _CONVERT = {EPISODE: _status, DECISION: _decision, TRUTH: _truth, ESTIMATE: _estimate}
 
 
-def _room_map(t_ns: int, m) -> RoomMap:  # noqa: ANN001
+def _room_map(t_ns: int, m: Any) -> RoomMap:
     cells = np.asarray(m.data, dtype=np.int8).reshape(m.info.height, m.info.width)
     origin = m.info.origin.position
     return RoomMap(t_ns, cells > 0, m.info.resolution, (origin.x, origin.y))
 
 
-def _rgb(m) -> np.ndarray:  # noqa: ANN001
+def _rgb(m: Any) -> np.ndarray:
     """Return an Image message as uint8 [H, W, 3] RGB."""
     if m.encoding not in ("bgr8", "rgb8"):
         raise BagError(f"a picture has the encoding {m.encoding!r}; expected bgr8 or rgb8")

@@ -6,9 +6,10 @@ published the event, so that they can be compared exactly.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cfnav_core.actions import Action
 
@@ -152,9 +153,26 @@ def split_episodes(events: Events) -> tuple[Episode, ...]:
     return tuple(episodes)
 
 
+def agree(live: Outcome, bag: Outcome) -> bool:
+    """Tell whether the bag's outcome is that of the simulator's own account.
+
+    Everything must be equal; path lengths within 2 cm or 2 %, as the bag joins poses that were
+    sampled at 20 Hz.
+    """
+
+    def rest(outcome: Outcome) -> Outcome:
+        return replace(outcome, path_length_m=0.0, shortest_path_m=0.0)
+
+    return (
+        rest(live) == rest(bag)
+        and math.isclose(live.path_length_m, bag.path_length_m, rel_tol=0.02, abs_tol=0.02)
+        and math.isclose(live.shortest_path_m, bag.shortest_path_m, rel_tol=1e-6)
+    )
+
+
 def path_length(truths: Sequence[Truth]) -> float:
     """Return the length of the driven path, metres, by joining successive poses."""
-    pairs = zip(truths, truths[1:], strict=False)
+    pairs = itertools.pairwise(truths)
     return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairs)
 
 
@@ -165,7 +183,7 @@ def contact_onsets(truths: Sequence[Truth]) -> tuple[Contact, ...]:
     """
     return tuple(
         Contact(b.t_ns, b.x, b.y, b.contact_with, b.collisions - a.collisions)
-        for a, b in zip(truths, truths[1:], strict=False)
+        for a, b in itertools.pairwise(truths)
         if b.collisions > a.collisions
     )
 

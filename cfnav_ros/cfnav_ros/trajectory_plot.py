@@ -41,7 +41,8 @@ ACTION_STYLE = {
 }
 """Colour and sign of each action."""
 
-_SAME_PLACE_M = 0.15
+_SAME_PLACE_M = 0.25
+"""Marks of contacts nearer than this would cover each other."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,8 @@ def _draw_room(axes: Axes, room: RoomMap, theme: Theme) -> None:
         extent=(x, x + width * size, y, y + height * size),
         interpolation="nearest",
     )
+    axes.set_xlim(x, x + width * size)
+    axes.set_ylim(y, y + height * size)
 
 
 def _draw_path(axes: Axes, episode: Episode, theme: Theme) -> None:
@@ -198,9 +201,8 @@ def _draw_actions(axes: Axes, episode: Episode, theme: Theme) -> None:
     for decision, start, end in zip(episode.decisions, starts, ends, strict=False):
         colour, _ = ACTION_STYLE[decision.action]
         hatch = "////" if decision.vetoed else None
-        axes.barh(
-            0, max(end - start, 0.1), left=start, color=colour, edgecolor=theme.paper, hatch=hatch
-        )
+        width = max(end - start, 0.1)
+        axes.barh(0, width, left=start, color=colour, edgecolor=theme.paper, hatch=hatch)
     axes.set_yticks([])
     axes.set_ylabel("action")
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cfnav_ros.bag_writer import BagWriter, typestore_with
 from rosbags.interfaces import Nodetype
 
 from cfnav_core.actions import Action
-from cfnav_ros.bag_writer import BagWriter, typestore_with
 
 INTERFACES = Path(__file__).parents[2] / "ros_ws" / "src" / "cfnav_interfaces"
 SECOND = 1_000_000_000

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from cfnav_core.actions import Action
 from cfnav_ros.bag_eval import evaluate_bag, figures
 from cfnav_ros.bag_reader import BagError, read_maps, read_pictures
 from cfnav_ros.bag_writer import BagWriter, typestore_with
+
+from cfnav_core.actions import Action
 
 A = Action
 DRIVE = [A.MoveAhead, A.MoveAhead, A.RotateLeft, A.MoveAhead, A.MoveAhead, A.Done]
@@ -21,7 +21,7 @@ S = 1_000_000_000
 
 
 @pytest.fixture
-def bag(synthetic_bag) -> Path:  # noqa: ANN001
+def bag(synthetic_bag) -> Path:
     """A bag of a clean, a touching and a missed episode."""
     writer = synthetic_bag()
     writer.map(S // 2)

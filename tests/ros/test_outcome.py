@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+from cfnav_ros.outcome import Decision, Events, Status, Truth, split_episodes
 
 from cfnav_core.actions import Action
-from cfnav_ros.outcome import Decision, Events, Status, Truth, split_episodes
 
 S = 1_000_000_000
 

@@ -1,0 +1,243 @@
+"""The demo: ``python -m cfnav_ros.demo --room kitchen:25 --goals Fridge,Laptop``.
+
+Runs the whole graph, records a bag, judges the bag, compares with what the simulator knows, and
+leaves ``metrics.json``, the bag, a picture of each trajectory and ``report.html`` in one folder.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+from tqdm import tqdm
+
+from cfnav_ros.bag_eval import evaluate_bag, figures, table
+from cfnav_ros.bag_reader import BagError, read_maps
+from cfnav_ros.graph import Graph, GraphConfig, GraphError
+from cfnav_ros.outcome import Episode, Outcome, agree
+from cfnav_ros.plan import Trial, chosen_trials, drawn_trials, parse_list
+from cfnav_ros.report import write_report, write_trajectories
+from cfnav_ros.run_folder import FolderInUseError, RunFolder
+
+ROOMS = "kitchen:25,living_room:22,bedroom:23,bathroom:24"
+"""Rooms of the demo: test rooms, which training never sees (it uses the seeds 0 to 19)."""
+
+_SIGNS = {(True, True): "✓ reached, nothing touched", (True, False): "✓ reached, but touched"}
+
+
+@dataclass(frozen=True)
+class DemoConfig:
+    """Find objects with a simulated TurtleBot 4 over a real ROS 2 graph, and measure it."""
+
+    room: str = ROOMS
+    """Rooms, comma-separated, each <type>:<seed>; seeds 20 to 29 were never trained on."""
+    goals: str = ""
+    """Goals, comma-separated, sought in each room that has them; empty: drawn from the seed."""
+    seed: int = 1
+    """Draws start poses, and goals when none are given."""
+    speed: float = 2.0
+    """Simulated seconds per second; 0 is as fast as the machine can."""
+    out: Path = Path("out/demo")
+    """Folder of the results."""
+    bundle: Path | None = None
+    """Bundle that drives; the shipped one when not given."""
+    episodes: int = 0
+    """Number of episodes; 0: one for each room and goal, or one for each room without goals."""
+    max_steps: int = 0
+    """Most decisions of an episode; 0: the policy node's own limit."""
+    domain: int | None = None
+    """ROS domain; one that is free when not given."""
+    report: bool = True
+    """Write pictures and the page."""
+
+
+def plan(graph: Graph, config: DemoConfig) -> tuple[Iterator[Trial], int]:
+    """Return the trials of a run and how many of them to run.
+
+    Raises:
+        GraphError: a room that cannot be made, or a goal that no room has.
+    """
+    goals_of = {}
+    for room in parse_list(config.room) or parse_list(ROOMS):
+        answer = graph.start_episode(room, "", config.seed)
+        if not answer.goals:
+            raise GraphError(f"the simulator offers no goals in {room}: {answer.message}")
+        goals_of[room] = answer.goals
+    goals = parse_list(config.goals)
+    if not goals:
+        return drawn_trials(goals_of, config.seed), config.episodes or len(goals_of)
+    pairs = sum(goal in known for known in goals_of.values() for goal in goals)
+    try:
+        return chosen_trials(goals_of, goals, config.seed), config.episodes or pairs
+    except ValueError as error:
+        raise GraphError(str(error)) from None
+
+
+def run_trials(
+    graph: Graph,
+    config: DemoConfig,
+    done: Callable[[Trial, Outcome], None],
+    skip: Callable[[Trial], bool] = lambda _: False,
+) -> None:
+    """Run the trials of a configuration one after the other.
+
+    Args:
+        graph: the running graph.
+        config: what to run.
+        done: called with each trial and the simulator's own outcome.
+        skip: tells which trials need not be run again; they count.
+
+    Raises:
+        GraphError: something did not run; also a chosen goal without a start far enough away.
+    """
+    trials, left = plan(graph, config)
+    refused = 0
+    while left:
+        trial = next(trials)
+        if skip(trial):
+            left -= 1
+            continue
+        start = graph.start_episode(trial.room, trial.goal, trial.seed)
+        if not start.ok:
+            refused += 1
+            if config.goals or refused > 100:
+                raise GraphError(start.message)
+            continue
+        done(trial, _run_one(graph, trial, config.max_steps))
+        left -= 1
+
+
+def run_demo(config: DemoConfig) -> dict[str, Any]:
+    """Run the demo and return what stands in ``metrics.json``.
+
+    Raises:
+        GraphError: the graph did not run.
+        BagError: the recorded bag cannot be judged.
+        FolderInUseError: another run writes to the same folder.
+    """
+    began = time.monotonic()
+    live: list[Outcome] = []
+    with RunFolder(config.out) as folder:
+        bag = folder.partial / "bag"
+        graph_config = GraphConfig(
+            room=(parse_list(config.room) or parse_list(ROOMS))[0],
+            logs=folder.partial / "logs",
+            speed=config.speed,
+            bundle=config.bundle,
+            domain=config.domain,
+            bag=bag,
+        )
+        with Graph(graph_config) as graph:
+            run_trials(graph, config, lambda _, outcome: live.append(outcome))
+        episodes = evaluate_bag(bag)
+        metrics = _metrics(config, episodes, live)
+        metrics["wall_s"] = round(time.monotonic() - began, 1)
+        if config.report:
+            _write_pages(folder.partial, bag, episodes, metrics)
+        (folder.partial / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
+        folder.finish()
+    return metrics
+
+
+def commit() -> str:
+    """Return the commit of the source, marked when it has changes, or "unknown"."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def main() -> None:
+    """Run the command line: 0 when everything ran and was written, 1 when not, 130 on Ctrl-C."""
+    config = tyro.cli(DemoConfig, prog="demo")
+    metrics = run_to_exit("demo", lambda: run_demo(config))
+    print(table([Outcome(**row) for row in metrics["episodes"]]))
+    print("  ".join(f"{n} {metrics[n]:.2f}" for n in ("cf_sr", "sr", "cf_spl", "spl")))
+    agreement = "agrees" if metrics["bag_agrees"] else "DOES NOT AGREE"
+    print(f"the bag {agreement} with the simulator; results in {config.out}")
+
+
+def run_to_exit(name: str, run: Callable[[], Any]) -> Any:
+    """Run something and end the process with one sentence when it could not run."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGINT, _interrupt)
+    try:
+        return run()
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted; every process was ended, nothing was kept", file=sys.stderr)
+        sys.exit(130)
+    except (GraphError, BagError, FolderInUseError, OSError) as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    # A second signal must not tear the clean-up in two.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _run_one(graph: Graph, trial: Trial, max_steps: int) -> Outcome:
+    """Run one episode under a live line of progress."""
+    title = f"{trial.room} {trial.goal}"
+    with tqdm(desc=title, bar_format="{desc}: {postfix} [{elapsed}]", leave=False) as line:
+
+        def show(feedback: Any) -> None:
+            line.set_postfix_str(
+                f"step {feedback.step} {feedback.action:<11} "
+                f"p̂ {feedback.collision_probability:.2f}  {feedback.path_length:.2f} m"
+            )
+
+        outcome = graph.run_episode(trial.room, trial.goal, max_steps, show)
+    sign = _SIGNS.get((outcome.success, outcome.cf_success), "✗ missed")
+    print(
+        f"{title}: {sign} ({outcome.outcome}, {outcome.steps} steps, "
+        f"{outcome.path_length_m:.2f} m, collisions {outcome.collisions})",
+        flush=True,
+    )
+    return outcome
+
+
+def _metrics(
+    config: DemoConfig, episodes: Sequence[Episode], live: Sequence[Outcome]
+) -> dict[str, Any]:
+    outcomes = [episode.outcome for episode in episodes]
+    agrees = len(outcomes) == len(live) and all(map(agree, live, outcomes))
+    return {
+        "episodes": [asdict(outcome) for outcome in outcomes],
+        **figures(outcomes),
+        "bag_agrees": agrees,
+        "live": [asdict(outcome) for outcome in live],
+        "seed": config.seed,
+        "bundle": episodes[0].bundle,
+        "commit": commit(),
+        "command": shlex.join(["python", "-m", "cfnav_ros.demo", *sys.argv[1:]]),
+        "speed": config.speed,
+    }
+
+
+def _write_pages(
+    folder: Path, bag: Path, episodes: Sequence[Episode], metrics: dict[str, Any]
+) -> None:
+    maps = read_maps(bag)
+    write_trajectories(episodes, maps, folder / "trajectories")
+    facts = {
+        "bag agrees with the simulator": "yes" if metrics["bag_agrees"] else "no",
+        **{name: str(metrics[name]) for name in ("bundle", "seed", "commit", "command")},
+    }
+    write_report(bag, episodes, maps, folder / "report.html", facts)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,333 @@
+"""The whole graph as separate processes, and the client that runs episodes in it.
+
+Starts the mock TurtleBot 4, the LiDAR collision node and the policy node in a ROS domain of their
+own that never leaves this machine, so that no robot on the network can be moved.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from cfnav_interfaces.action import NavigateToObject
+from cfnav_interfaces.msg import CollisionEstimate
+from cfnav_interfaces.srv import EndEpisode, StartEpisode
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from cfnav_core.vocabulary import CATEGORIES
+from cfnav_ros.outcome import Outcome
+from cfnav_ros.processes import Child, node_command
+from cfnav_ros.recorder import Recorder
+
+DOMAINS = range(1, 102)
+"""Domain ids whose ports are free of the system's own on Linux, without the default 0."""
+
+DISCOVERY_S = 2.5
+"""Longest time until participants on one machine have found each other, wall seconds."""
+
+READY_S = 90.0
+"""Patience with the start of all nodes, wall seconds."""
+
+REQUEST_S = 120.0
+"""Patience with one answer of the simulator, wall seconds; it searches the room for a start."""
+
+SILENCE_S = 120.0
+"""Patience between two decisions of the policy, wall seconds."""
+
+HEARD = ("/clock", "oakd/rgb/preview/image_raw", "scan", "odom", "ground_truth/state")
+"""Topics that the recorder must hear before the first episode."""
+
+_ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
+"""Settings of the surroundings that could reach beyond this machine."""
+
+
+class GraphError(Exception):
+    """The graph did not run; the text is one sentence that says what to do or look at."""
+
+
+@dataclass(frozen=True)
+class GraphConfig:
+    """What to start.
+
+    Attributes:
+        room: the room that the simulator starts with, such as ``kitchen:25``.
+        logs: folder for the log of each process.
+        speed: simulated seconds per wall second; 0 is as fast as it goes.
+        bundle: bundle that drives; None is the shipped one.
+        domain: ROS domain; None draws a free one.
+        bag: where everything is recorded; None records nothing.
+    """
+
+    room: str
+    logs: Path
+    speed: float = 1.0
+    bundle: Path | None = None
+    domain: int | None = None
+    bag: Path | None = None
+
+
+@dataclass(frozen=True)
+class Start:
+    """The answer to a request for an episode; ``goals`` are those that the room has."""
+
+    ok: bool
+    message: str
+    goals: tuple[str, ...] = ()
+
+
+class Graph:
+    """Three running nodes and a client; use it as a context manager from the main thread."""
+
+    def __init__(self, config: GraphConfig) -> None:
+        """Only remember what to start."""
+        self.config = config
+        self.context = Context()
+        self.domain = 0
+        self.recorder: Recorder | None = None
+        self._episodes = 0
+        self._children: list[Child] = []
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Graph:
+        """Start everything and wait until it is ready.
+
+        Raises:
+            GraphError: a process ended, the domain is in use, or something did not appear in time.
+        """
+        try:
+            self._join()
+            if self.config.bag is not None:
+                self.recorder = Recorder(self.config.bag, self.context)
+            self._start_children()
+            self._wait_until_ready()
+        except BaseException:
+            self.close(keep_bag=False)
+            raise
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End everything; the bag is kept when nothing was raised."""
+        self.close(keep_bag=kind is None)
+
+    def start_episode(self, room: str, goal: str, seed: int) -> Start:
+        """Place the robot at a start pose drawn from the seed."""
+        request = StartEpisode.Request(room=room, goal=goal, seed=seed)
+        answer = self._call(self._start_client, request, "simulator/start_episode")
+        goals = tuple(w for w in re.findall(r"\w+", answer.message) if w in CATEGORIES)
+        return Start(answer.ok, answer.message, goals)
+
+    def navigate(
+        self,
+        goal: str,
+        max_steps: int = 0,
+        on_step: Callable[[NavigateToObject.Feedback], None] = lambda _: None,
+    ) -> NavigateToObject.Result:
+        """Send a goal and wait for its result; ``on_step`` is called at every decision."""
+        steps: list[NavigateToObject.Feedback] = []
+        sent = self._navigate_client.send_goal_async(
+            NavigateToObject.Goal(goal=goal, max_steps=max_steps),
+            feedback_callback=lambda message: steps.append(message.feedback),
+        )
+        handle = self._wait(sent, REQUEST_S, "answer of navigate_to_object")
+        if not handle.accepted:
+            return NavigateToObject.Result(outcome="refused", message="the goal was not accepted")
+        result = handle.get_result_async()
+        done = threading.Event()
+        result.add_done_callback(lambda _: done.set())
+        heard = time.monotonic()
+        while not done.wait(0.1):
+            self.check()
+            while steps:
+                on_step(steps.pop(0))
+                heard = time.monotonic()
+            if time.monotonic() - heard > SILENCE_S:
+                raise GraphError(
+                    f"the policy node took no decision for {SILENCE_S:.0f} s; "
+                    f"see {self.config.logs}/policy_node.log"
+                )
+        for feedback in steps:
+            on_step(feedback)
+        return result.result().result
+
+    def end_episode(self) -> EndEpisode.Response:
+        """Ask the simulator for its own account of the episode.
+
+        Raises:
+            GraphError: the simulator knows of no episode.
+        """
+        answer = self._call(self._end_client, EndEpisode.Request(), "simulator/end_episode")
+        if not answer.ok:
+            raise GraphError(f"the simulator gave no account of the episode: {answer.message}")
+        return answer
+
+    def run_episode(
+        self,
+        room: str,
+        goal: str,
+        max_steps: int = 0,
+        on_step: Callable[[NavigateToObject.Feedback], None] = lambda _: None,
+    ) -> Outcome:
+        """Drive to a goal after ``start_episode`` and return the simulator's own outcome.
+
+        Raises:
+            GraphError: the policy refused the goal, or a node failed.
+        """
+        result = self.navigate(goal, max_steps, on_step)
+        if result.outcome == "refused":
+            raise GraphError(f"the policy node refused the goal {goal!r}: {result.message}")
+        self._episodes += 1
+        if self.recorder and not self.recorder.wait_for("policy/episode", 2 * self._episodes):
+            raise GraphError("the recorder did not hear the end of the episode within 10 s")
+        truth = self.end_episode()
+        success = result.outcome == "done" and truth.goal_visible
+        return Outcome(
+            goal=goal,
+            room=room,
+            outcome=result.outcome,
+            success=success,
+            collisions=truth.collisions,
+            cf_success=success and truth.collisions == 0,
+            steps=result.steps,
+            path_length_m=truth.path_length,
+            shortest_path_m=truth.shortest_path,
+        )
+
+    def check(self) -> None:
+        """Raise GraphError when one of the processes has ended."""
+        for child in self._children:
+            if sentence := child.ended():
+                raise GraphError(sentence)
+
+    def close(self, keep_bag: bool) -> None:
+        """End all processes, the driving one first so that its last command is zero."""
+        for child in reversed(self._children):
+            child.stop()
+        self._children.clear()
+        if self.recorder is not None:
+            recorder, self.recorder = self.recorder, None
+            recorder.close() if keep_bag else recorder.abort()
+        if self._thread is not None:
+            self._executor.shutdown()
+            self._thread.join()
+            self._thread = None
+            self._node.destroy_node()
+        self.context.try_shutdown()
+
+    def _join(self) -> None:
+        """Join a domain in which nobody else answers."""
+        os.environ.update(_surroundings(self.config.logs))
+        for name in _ELSEWHERE:
+            os.environ.pop(name, None)
+        chosen = self.config.domain
+        self.domain = random.SystemRandom().choice(DOMAINS) if chosen is None else chosen
+        os.environ["ROS_DOMAIN_ID"] = str(self.domain)
+        rclpy.init(
+            context=self.context,
+            domain_id=self.domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = Node("demo", context=self.context)
+        self._start_client = self._node.create_client(StartEpisode, "simulator/start_episode")
+        self._end_client = self._node.create_client(EndEpisode, "simulator/end_episode")
+        self._navigate_client = ActionClient(self._node, NavigateToObject, "navigate_to_object")
+        self._estimated = threading.Event()
+        self._node.create_subscription(
+            CollisionEstimate, "collision/estimate", lambda _: self._estimated.set(), 1
+        )
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name="demo")
+        self._thread.start()
+        end = time.monotonic() + DISCOVERY_S
+        while time.monotonic() < end:
+            others = [n for n in self._node.get_node_names() if n != self._node.get_name()]
+            if others:
+                raise GraphError(
+                    f"ROS domain {self.domain} is in use on this machine by {', '.join(others)}; "
+                    "end them or choose another with --domain"
+                )
+            time.sleep(0.1)
+
+    def _start_children(self) -> None:
+        """Start the nodes in the order in which they are ended in reverse."""
+        config = self.config
+        self.config.logs.mkdir(parents=True, exist_ok=True)
+        settings = str(files("cfnav_ros") / "config" / "demo.yaml")
+        bundle = ["-p", f"bundle:={config.bundle.resolve()}"] if config.bundle else []
+        sim_time = ["--params-file", settings, "-p", "use_sim_time:=true"]
+        nodes = (
+            ("sim_bridge", "mock_turtlebot4", [
+                "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}"]),
+            ("cfnav_ros", "lidar_collision_node", sim_time),
+            ("cfnav_ros", "policy_node", [*sim_time, *bundle]),
+        )  # fmt: skip
+        for package, executable, parameters in nodes:
+            command = [*node_command(package, executable), "--ros-args", *parameters]
+            log = config.logs / f"{executable}.log"
+            self._children.append(Child(executable, command, log, os.environ))
+
+    def _wait_until_ready(self) -> None:
+        """Wait until the services, the action and the first collision estimate are there."""
+        conditions = {
+            "simulator/start_episode of mock_turtlebot4": self._start_client.service_is_ready,
+            "simulator/end_episode of mock_turtlebot4": self._end_client.service_is_ready,
+            "collision/estimate of lidar_collision_node": self._estimated.is_set,
+            "navigate_to_object of policy_node": self._navigate_client.server_is_ready,
+        }
+        if recorder := self.recorder:
+            for topic in HEARD:
+                conditions[f"{topic} in the bag"] = lambda topic=topic: recorder.count(topic) > 0
+        end = time.monotonic() + READY_S
+        while missing := [name for name, ready in conditions.items() if not ready()]:
+            self.check()
+            if time.monotonic() > end:
+                raise GraphError(
+                    f"{missing[0]} did not appear within {READY_S:.0f} s; "
+                    f"see the logs in {self.config.logs}"
+                )
+            time.sleep(0.1)
+
+    def _call(self, client: Any, request: Any, name: str) -> Any:
+        return self._wait(client.call_async(request), REQUEST_S, f"answer of {name}")
+
+    def _wait(self, future: Future, patience_s: float, what: str) -> Any:
+        """Return the result of a future, watching the processes meanwhile."""
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        end = time.monotonic() + patience_s
+        while not done.wait(0.1):
+            self.check()
+            if time.monotonic() > end:
+                raise GraphError(
+                    f"no {what} within {patience_s:.0f} s; see the logs in {self.config.logs}"
+                )
+        return future.result()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+
+def _surroundings(logs: Path) -> dict[str, str]:
+    """Return the settings that keep the graph on this machine and its pictures whole."""
+    return {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(files("cfnav_ros") / "config" / "fastdds.xml"),
+        "ROS_LOG_DIR": str(logs / "ros"),
+    }

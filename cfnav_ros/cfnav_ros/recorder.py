@@ -1,0 +1,196 @@
+"""Records the graph's topics into one MCAP bag.
+
+Raw subscriptions hand CDR bytes straight to the bag; nothing is decoded. Every picture is kept.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_path
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+
+from cfnav_ros.bag_writer import BagWriter, typestore_with
+
+NODE_NAME = "recorder"
+"""The policy node knows by this name that a listener on ``cmd_vel`` is no robot."""
+
+CLOCK = "/clock"
+PACKAGES = ("cfnav_interfaces", "irobot_create_msgs")
+"""Packages whose definitions the bag library does not know by itself."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic to record; ``latched``: the last message reaches late subscribers too."""
+
+    name: str
+    msgtype: str
+    depth: int = 100
+    latched: bool = False
+    reliable: bool = True
+
+
+TOPICS = (
+    Topic(CLOCK, "rosgraph_msgs/msg/Clock"),
+    Topic("oakd/rgb/preview/image_raw", "sensor_msgs/msg/Image", depth=30),
+    Topic("oakd/rgb/preview/camera_info", "sensor_msgs/msg/CameraInfo"),
+    Topic("scan", "sensor_msgs/msg/LaserScan"),
+    Topic("odom", "nav_msgs/msg/Odometry", latched=True),
+    Topic("tf", "tf2_msgs/msg/TFMessage"),
+    Topic("tf_static", "tf2_msgs/msg/TFMessage", latched=True),
+    Topic("joint_states", "sensor_msgs/msg/JointState"),
+    Topic("hazard_detection", "irobot_create_msgs/msg/HazardDetectionVector"),
+    Topic("cmd_vel", "geometry_msgs/msg/TwistStamped", reliable=False),
+    Topic("camera_tilt/command", "std_msgs/msg/Float64"),
+    Topic("collision/estimate", "cfnav_interfaces/msg/CollisionEstimate"),
+    Topic("policy/decision", "cfnav_interfaces/msg/PolicyDecision"),
+    Topic("policy/episode", "cfnav_interfaces/msg/EpisodeStatus", latched=True),
+    Topic("ground_truth/state", "cfnav_interfaces/msg/GroundTruth"),
+    Topic("ground_truth/map", "nav_msgs/msg/OccupancyGrid", latched=True),
+)
+
+
+class Recorder:
+    """A node with its own thread that writes what it hears until it is closed.
+
+    Log times are those of ``/clock``, or 0 before its first message.
+    """
+
+    def __init__(self, bag: Path, context: Context) -> None:
+        """Open the bag and subscribe.
+
+        Args:
+            bag: folder of the finished bag.
+            context: an initialised rclpy context; the caller shuts it down after ``close``.
+
+        Raises:
+            FileExistsError: the bag exists.
+            FileNotFoundError: a message package is not built.
+        """
+        shares = [get_package_share_path(name) for name in PACKAGES]
+        self._writer = BagWriter(bag, typestore_with(shares))
+        self._now_ns = 0
+        self._heard = threading.Condition()
+        self._error: Exception | None = None
+        self._node = Node(NODE_NAME, context=context)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self._node)
+        for topic in TOPICS:
+            self._subscribe(topic)
+        self._thread = threading.Thread(target=self._spin, name=NODE_NAME)
+        self._thread.start()
+
+    def count(self, topic: str) -> int:
+        """Return how many messages of a topic have been written; the name as in ``TOPICS``."""
+        self._raise_error()
+        return self._writer.counts[self._node.resolve_topic_name(topic)]
+
+    def wait_for(self, topic: str, count: int, deadline_s: float = 10.0) -> bool:
+        """Wait until a topic has at least so many messages; false when the deadline passed."""
+        end = time.monotonic() + deadline_s
+        with self._heard:
+            while self.count(topic) < count and (left := end - time.monotonic()) > 0:
+                self._heard.wait(left)
+        return self.count(topic) >= count
+
+    def close(self) -> None:
+        """Stop listening and finish the bag.
+
+        Raises:
+            OSError: the bag could not be written, such as on a full disk.
+        """
+        self._stop()
+        if self._error is not None:
+            self._writer.abort()
+            raise self._error
+        self._writer.close()
+
+    def abort(self) -> None:
+        """Stop listening and leave no bag."""
+        self._stop()
+        self._writer.abort()
+
+    def _subscribe(self, topic: Topic) -> None:
+        package, kind = topic.msgtype.split("/msg/")
+        name = self._node.resolve_topic_name(topic.name)
+        self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
+        write = self._write_clock if topic.name == CLOCK else self._write
+        self._node.create_subscription(
+            getattr(import_module(f"{package}.msg"), kind),
+            topic.name,
+            lambda cdr: write(name, cdr),
+            _qos(topic),
+            raw=True,
+        )
+
+    def _write_clock(self, name: str, cdr: bytes) -> None:
+        # After the 4 bytes of encapsulation: int32 seconds, uint32 nanoseconds.
+        order = "<" if cdr[1] & 1 else ">"
+        seconds, nanoseconds = struct.unpack_from(order + "iI", cdr, 4)
+        self._now_ns = seconds * 1_000_000_000 + nanoseconds
+        self._write(name, cdr)
+
+    def _write(self, name: str, cdr: bytes) -> None:
+        self._writer.write(name, self._now_ns, cdr)
+        with self._heard:
+            self._heard.notify_all()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # raised again in the caller's thread
+            self._error = error
+
+    def _raise_error(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def _stop(self) -> None:
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+
+
+def _qos(topic: Topic) -> QoSProfile:
+    return QoSProfile(
+        depth=topic.depth,
+        reliability=ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
+        ),
+    )
+
+
+def _bag_qos(topic: Topic) -> Qos:
+    """Return the profile with which a player of the bag should offer the topic."""
+    forever = QosTime(0x7FFFFFFFFFFFFFFF // 10**9, 0x7FFFFFFFFFFFFFFF % 10**9)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=topic.depth,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if topic.latched else QosDurability.VOLATILE,
+        deadline=forever,
+        lifespan=forever,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=forever,
+        avoid_ros_namespace_conventions=False,
+    )

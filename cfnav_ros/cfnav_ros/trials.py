@@ -1,0 +1,102 @@
+"""Long trials over the live graph: ``python -m cfnav_ros.trials --episodes 60 --out out/trials``.
+
+Writes one JSON line for each episode as soon as it ends, and goes on where it stopped. Records no
+bag; the outcome is the simulator's own.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from cfnav_ros.bag_eval import figures
+from cfnav_ros.demo import DemoConfig, commit, run_to_exit, run_trials
+from cfnav_ros.graph import Graph, GraphConfig
+from cfnav_ros.outcome import Outcome
+from cfnav_ros.plan import Trial, parse_list
+
+TEST_ROOMS = ",".join(
+    f"{kind}:{seed}"
+    for seed in range(20, 30)
+    for kind in ("kitchen", "living_room", "bedroom", "bathroom")
+)
+
+
+@dataclass(frozen=True)
+class TrialsConfig(DemoConfig):
+    """Run many episodes over a real ROS 2 graph, resumable, and measure them."""
+
+    room: str = TEST_ROOMS
+    """Rooms, comma-separated, each <type>:<seed>; the default are all test rooms."""
+    out: Path = Path("out/trials.jsonl")
+    """File of the results, one JSON line for each episode; episodes in it are not run again."""
+    episodes: int = 60
+    """Number of episodes."""
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    """Read the lines of an earlier run; a last line that was cut short does not count.
+
+    Raises:
+        OSError: a line before the last cannot be read.
+    """
+    lines = path.read_text().split("\n") if path.exists() else []
+    rows = []
+    for number, line in enumerate(lines, 1):
+        if not line:
+            continue
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError:
+            if number < len(lines):
+                raise OSError(f"{path}: line {number} is damaged; remove it") from None
+    return rows
+
+
+def run(config: TrialsConfig) -> list[Outcome]:
+    """Run what is missing and return all outcomes.
+
+    Raises:
+        GraphError: the graph did not run.
+        OSError: the file of results cannot be read or written.
+    """
+    rows = read_rows(config.out)
+    bundle = str(config.bundle or "shipped")
+    if others := {row["bundle"] for row in rows} - {bundle}:
+        raise OSError(f"{config.out} holds episodes of {', '.join(others)}; choose another --out")
+    config.out.parent.mkdir(parents=True, exist_ok=True)
+    # Rewritten first, as the next line must not continue one that was cut short.
+    config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    known = {Trial(**row["trial"]) for row in rows}
+    logs = config.out.with_suffix(".logs")
+    room = parse_list(config.room)[0]
+    graph_config = GraphConfig(
+        room=room, logs=logs, speed=config.speed, bundle=config.bundle, domain=config.domain
+    )
+
+    def done(trial: Trial, outcome: Outcome) -> None:
+        row = {"trial": asdict(trial), "bundle": bundle, "commit": commit(), **asdict(outcome)}
+        rows.append(row)
+        with config.out.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+
+    with Graph(graph_config) as graph:
+        run_trials(graph, config, done, skip=known.__contains__)
+    names = Outcome.__dataclass_fields__
+    return [Outcome(**{name: row[name] for name in names}) for row in rows]
+
+
+def main() -> None:
+    """Run the command line: 0 when every episode ran, 1 when not, 130 on Ctrl-C."""
+    config = tyro.cli(TrialsConfig, prog="trials")
+    outcomes = run_to_exit("trials", lambda: run(config))
+    values = "  ".join(f"{name} {value:.3f}" for name, value in figures(outcomes).items())
+    print(f"{len(outcomes)} episodes  {values}  ({config.out})")
+
+
+if __name__ == "__main__":
+    main()
