@@ -173,7 +173,7 @@ def hazards(contacts: Iterable[Contact], t: float) -> HazardDetectionVector:
     return message
 
 
-def ground_truth(simulator: Simulator, room: str, goal_visible: bool) -> GroundTruth:
+def ground_truth(simulator: Simulator, goal_visible: bool) -> GroundTruth:
     """What the simulator knows at its present time."""
     message = GroundTruth(header=header(simulator.time, "room"))
     pose, collisions = simulator.world.pose, simulator.collisions
@@ -184,7 +184,7 @@ def ground_truth(simulator: Simulator, room: str, goal_visible: bool) -> GroundT
     message.impact_speed = collisions.impact_speed
     message.collisions = collisions.count
     message.goal_visible = goal_visible
-    message.room = room
+    message.room = simulator.world.room.name
     message.goal = simulator.goal
     message.shortest_path = simulator.shortest_path
     return message

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 
+import numpy as np
 from cfnav_interfaces.msg import GroundTruth
 from cfnav_interfaces.srv import EndEpisode, StartEpisode
 from geometry_msgs.msg import Twist, TwistStamped
@@ -23,12 +24,13 @@ from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
+from cfnav_core.visibility import VISIBLE_DISTANCE_M
 from sim_bridge import conversions as to_msg
 from sim_bridge.camera import Camera
-from sim_bridge.grid import start_episode
-from sim_bridge.parameters import MockParameters, read_parameters
-from sim_bridge.rplidar import SCAN_PERIOD
+from sim_bridge.grid import start_episode, state_grid
+from sim_bridge.parameters import read_parameters
 from sim_bridge.room import generate_room, parse_room
+from sim_bridge.rplidar import SCAN_PERIOD
 from sim_bridge.simulator import Simulator
 from sim_bridge.world import World
 
@@ -45,18 +47,19 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Every:
-    """Tells when something with a period is due."""
+    """Tells when something with a period is due; the mean rate is exact on any grid of steps."""
 
     def __init__(self, period: float, action: Callable[[], None]) -> None:
+        self.action = action
         self._period = period
-        self._action = action
         self._next = 0.0
 
-    def run(self, t: float) -> None:
-        """Run the action when its time has come; its mean rate is exact on any grid of steps."""
-        if t >= self._next - 1e-9:
-            self._next += self._period
-            self._action()
+    def due(self, t: float) -> bool:
+        """Whether the time has come; True once for each period."""
+        if t < self._next - 1e-9:
+            return False
+        self._next += self._period
+        return True
 
 
 class Pacer:
@@ -70,15 +73,21 @@ class Pacer:
         """Begin anew at simulated time ``t``, whatever was lost before."""
         self._t, self._wall = t, time.monotonic()
 
-    def wait(self, t: float) -> None:
-        """Sleep until simulated time ``t`` has come."""
+    def wait(self, t: float) -> float:
+        """Sleep until simulated time ``t`` has come.
+
+        Returns:
+            Wall time given up because the loop could not keep pace, s.
+        """
         if self._speed == 0:
-            return
+            return 0.0
         ahead = (t - self._t) / self._speed - (time.monotonic() - self._wall)
         if ahead > 0:
             time.sleep(ahead)
         elif ahead < -MAX_LAG_S:
             self.restart(t)
+            return -ahead
+        return 0.0
 
 
 class MockTurtleBot4(Node):
@@ -92,7 +101,6 @@ class MockTurtleBot4(Node):
         self._advertise()
         self._listen()
         self._schedule = (
-            Every(self.parameters.clock_period, self._publish_clock),
             Every(STATE_PERIOD, self._publish_state),
             Every(SCAN_PERIOD, self._publish_scan),
             Every(CAMERA_PERIOD, self._publish_picture),
@@ -117,6 +125,8 @@ class MockTurtleBot4(Node):
             if not world.free(*p.start[:2]):
                 raise ValueError(f"start {list(p.start)} is not free in {p.room}; choose another.")
             self.simulator.place(*p.start)
+        else:
+            self._put_anywhere()
         if p.domain_guard:
             self._refuse_company()
         self._publish_map()
@@ -135,11 +145,13 @@ class MockTurtleBot4(Node):
         while True:
             self._do_requests()
             began = self.simulator.step()
-            for due in self._schedule:
-                due.run(self.simulator.time)
-            if began:
-                self._publish_contact()
-            self._pacer.wait(self.simulator.time)
+            self._publish(began)
+            lost = self._pacer.wait(self.simulator.time)
+            if lost:
+                self.get_logger().warning(
+                    f"the machine is too slow: simulated time waited {lost:.1f} s",
+                    throttle_duration_sec=10.0,
+                )
 
     def refuse_requests(self) -> None:
         """Answer no service call any more; for the end, when the loop no longer runs."""
@@ -154,7 +166,7 @@ class MockTurtleBot4(Node):
 
     def _advertise(self) -> None:
         publish = self.create_publisher
-        self._clock_pub = publish(Clock, "/clock", 10)
+        self._clock = publish(Clock, "/clock", 10)
         self._image = publish(Image, "oakd/rgb/preview/image_raw", 10)
         self._camera_info = publish(CameraInfo, "oakd/rgb/preview/camera_info", 10)
         self._scan = publish(LaserScan, "scan", 10)
@@ -250,8 +262,19 @@ class MockTurtleBot4(Node):
         response.shortest_path = account.shortest_path
         return response
 
-    def _publish_clock(self) -> None:
-        self._clock_pub.publish(Clock(clock=to_msg.stamp(self.simulator.time)))
+    def _publish(self, collision_began: bool) -> None:
+        """Publish what is due, the time first so that no stamp lies in a receiver's future.
+
+        A message on /clock every step would cost each Python node that listens a sixth of a core.
+        """
+        t = self.simulator.time
+        due = [every.action for every in self._schedule if every.due(t)]
+        if collision_began and self._publish_state not in due:
+            due.append(self._publish_contact)
+        if due:
+            self._clock.publish(Clock(clock=to_msg.stamp(t)))
+        for action in due:
+            action()
 
     def _publish_state(self) -> None:
         simulator = self.simulator
@@ -280,8 +303,8 @@ class MockTurtleBot4(Node):
         self._map.publish(to_msg.occupancy_grid(grid, MAP_RESOLUTION, self.simulator.time))
 
     def _goal_visible(self) -> bool:
-        """Whether the episode's goal is in view; drawn anew only once the robot has moved."""
-        if not self.simulator.goal:
+        """Whether the episode's goal is in view; drawing to find out costs as much as a picture."""
+        if self.simulator.goal_distance() > VISIBLE_DISTANCE_M:
             return False
         pose = self.simulator.world.pose
         here = tuple(round(value, 4) for value in (pose.x, pose.y, pose.yaw, pose.tilt))
@@ -289,6 +312,13 @@ class MockTurtleBot4(Node):
         if self._seen[0] != key:
             self._seen = key, self.camera.goal_visible(self.simulator.goal)
         return self._seen[1]
+
+    def _put_anywhere(self) -> None:
+        """Put the robot on a reachable place of the grid, drawn from the seed."""
+        grid = state_grid(self.simulator.world)
+        state = np.random.default_rng(self.parameters.seed).integers(len(grid.next_state))
+        pose = grid.pose(int(state))
+        self.simulator.place(pose.x, pose.y, pose.yaw)
 
     def _refuse_company(self) -> None:
         """Raise ValueError when somebody else plays the robot in this domain."""

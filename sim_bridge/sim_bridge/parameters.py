@@ -28,7 +28,6 @@ class MockParameters:
     seed: int = _parameter(0, "draws the start pose of the first episode")
     start: tuple[float, ...] = _parameter((), "x m, y m, yaw rad; only without a goal")
     speed: float = _parameter(1.0, "times real time; 0 is as fast as it can")
-    clock_period: float = _parameter(0.01, "simulated s between messages on /clock")
     camera_size: int = _parameter(300, "width and height of the picture, pixels")
     domain_guard: bool = _parameter(True, "refuse to start where another robot publishes")
 
@@ -41,8 +40,6 @@ class MockParameters:
             raise ValueError("start and goal are both given; a goal draws its start from seed.")
         if not (self.speed >= 0 and math.isfinite(self.speed)):
             raise ValueError(f"speed is {self.speed}; expected 0 or more times real time.")
-        if not 0.01 <= self.clock_period <= 1.0:
-            raise ValueError(f"clock_period is {self.clock_period}; expected 0.01 to 1 s.")
         if not 32 <= self.camera_size <= 1080:
             raise ValueError(f"camera_size is {self.camera_size}; expected 32 to 1080 pixels.")
 

@@ -134,6 +134,18 @@ class Simulator:
         self.shortest_path = 0.0
         return account
 
+    def goal_distance(self) -> float:
+        """Horizontal distance to the nearest object of the episode's goal, m; inf without one."""
+        pose = self.world.pose
+        distances = [math.inf]
+        for thing in self.world.room.objects:
+            if thing.name == self.goal:
+                x0, y0, x1, y1 = thing.footprint
+                dx = max(x0 - pose.x, pose.x - x1, 0.0)
+                dy = max(y0 - pose.y, pose.y - y1, 0.0)
+                distances.append(math.hypot(dx, dy))
+        return min(distances)
+
     def command(self, v: float, w: float) -> None:
         """Receive a velocity command now: m/s forward, rad/s counter-clockwise."""
         self.base.command(self.time, v, w)
