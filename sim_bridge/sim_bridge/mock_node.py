@@ -28,6 +28,7 @@ from cfnav_core.visibility import VISIBLE_DISTANCE_M
 from sim_bridge import conversions as to_msg
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode, state_grid
+from sim_bridge.pacing import MAX_LAG_S, Every, Pacer
 from sim_bridge.parameters import read_parameters
 from sim_bridge.room import generate_room, parse_room
 from sim_bridge.rplidar import SCAN_PERIOD
@@ -39,55 +40,9 @@ STATE_PERIOD = 1.0 / 20.0
 MAP_RESOLUTION = 0.02
 DISCOVERY_S = 2.0
 """Wall time after which another robot in the domain has been heard of."""
-MAX_LAG_S = 0.5
-"""A loop that is held up catches up with the wall clock after at most this; the rest is lost."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-class Every:
-    """Tells when something with a period is due; the mean rate is exact on any grid of steps."""
-
-    def __init__(self, period: float, action: Callable[[], None]) -> None:
-        self.action = action
-        self._period = period
-        self._next = 0.0
-
-    def due(self, t: float) -> bool:
-        """Whether the time has come; True once for each period."""
-        if t < self._next - 1e-9:
-            return False
-        self._next += self._period
-        return True
-
-
-class Pacer:
-    """Holds simulated time back to a multiple of real time."""
-
-    def __init__(self, speed: float, t: float) -> None:
-        self._speed = speed
-        self.restart(t)
-
-    def restart(self, t: float) -> None:
-        """Begin anew at simulated time ``t``, whatever was lost before."""
-        self._t, self._wall = t, time.monotonic()
-
-    def wait(self, t: float) -> float:
-        """Sleep until simulated time ``t`` has come.
-
-        Returns:
-            Wall time given up because the loop could not keep pace, s.
-        """
-        if self._speed == 0:
-            return 0.0
-        ahead = (t - self._t) / self._speed - (time.monotonic() - self._wall)
-        if ahead > 0:
-            time.sleep(ahead)
-        elif ahead < -MAX_LAG_S:
-            self.restart(t)
-            return -ahead
-        return 0.0
 
 
 class MockTurtleBot4(Node):
@@ -97,6 +52,7 @@ class MockTurtleBot4(Node):
         super().__init__("mock_turtlebot4", automatically_declare_parameters_from_overrides=True)
         self._born = time.monotonic()
         self.parameters = read_parameters(self)
+        self._pacer = Pacer(self.parameters.speed)
         self._inbox: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
         self._advertise()
         self._listen()
@@ -122,9 +78,7 @@ class MockTurtleBot4(Node):
             start = start_episode(world, self.camera, p.goal, p.seed)
             self.simulator.start_episode(p.goal, start)
         elif p.start:
-            if not world.free(*p.start[:2]):
-                raise ValueError(f"start {list(p.start)} is not free in {p.room}; choose another.")
-            self.simulator.place(*p.start)
+            self._put_at(*p.start)
         else:
             self._put_anywhere()
         if p.domain_guard:
@@ -141,15 +95,17 @@ class MockTurtleBot4(Node):
 
     def run(self) -> None:
         """Advance simulated time and publish until the process is told to end."""
-        self._pacer = Pacer(self.parameters.speed, self.simulator.time)
+        self._pacer.restart(self.simulator.time, time.monotonic())
         while True:
             self._do_requests()
             began = self.simulator.step()
             self._publish(began)
-            lost = self._pacer.wait(self.simulator.time)
-            if lost:
+            ahead = self._pacer.ahead(self.simulator.time, time.monotonic())
+            if ahead > 0:
+                time.sleep(ahead)
+            elif ahead < -MAX_LAG_S:
                 self.get_logger().warning(
-                    f"the machine is too slow: simulated time waited {lost:.1f} s",
+                    f"the machine is too slow: simulated time stood for {-ahead:.1f} s",
                     throttle_duration_sec=10.0,
                 )
 
@@ -166,7 +122,7 @@ class MockTurtleBot4(Node):
 
     def _advertise(self) -> None:
         publish = self.create_publisher
-        self._clock = publish(Clock, "/clock", 10)
+        self._clock_publisher = publish(Clock, "/clock", 10)
         self._image = publish(Image, "oakd/rgb/preview/image_raw", 10)
         self._camera_info = publish(CameraInfo, "oakd/rgb/preview/camera_info", 10)
         self._scan = publish(LaserScan, "scan", 10)
@@ -233,7 +189,7 @@ class MockTurtleBot4(Node):
             response.message = str(error)
             return response
         finally:
-            self._pacer.restart(self.simulator.time)
+            self._pacer.restart(self.simulator.time, time.monotonic())
         if new_room:
             self.camera.close()
             self.camera = camera
@@ -272,7 +228,7 @@ class MockTurtleBot4(Node):
         if collision_began and self._publish_state not in due:
             due.append(self._publish_contact)
         if due:
-            self._clock.publish(Clock(clock=to_msg.stamp(t)))
+            self._clock_publisher.publish(Clock(clock=to_msg.stamp(t)))
         for action in due:
             action()
 
@@ -312,6 +268,13 @@ class MockTurtleBot4(Node):
         if self._seen[0] != key:
             self._seen = key, self.camera.goal_visible(self.simulator.goal)
         return self._seen[1]
+
+    def _put_at(self, x: float, y: float, yaw: float) -> None:
+        world = self.simulator.world
+        inside = 0 < x < world.room.width and 0 < y < world.room.depth
+        if not (inside and world.free(x, y)):
+            raise ValueError(f"start ({x}, {y}) is not free in {world.room.name}; choose another.")
+        self.simulator.place(x, y, yaw)
 
     def _put_anywhere(self) -> None:
         """Put the robot on a reachable place of the grid, drawn from the seed."""

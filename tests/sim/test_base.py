@@ -3,7 +3,6 @@
 import math
 
 import pytest
-
 from sim_bridge.base import Base, Odometry
 
 DT = 0.01

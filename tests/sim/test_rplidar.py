@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
 from sim_bridge.rplidar import ANGLE_MAX, ANGLE_MIN, BINS, driver_ranges
 
 

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-
+from sim_bridge.grid import Start
 from sim_bridge.parts import Part, RoomObject
 from sim_bridge.room import Room
 from sim_bridge.simulator import Collisions, Simulator
@@ -147,8 +147,6 @@ def test_camera_tilts_within_its_range(simulator):
 
 
 def test_episode_account(simulator):
-    from sim_bridge.grid import Start
-
     drive(simulator, 0.2, 0.0, 1.0)
     simulator.start_episode("Mug", Start(2.6, 1.0, 0.0, 1.25, 9))
     drive(simulator, 0.2, 0.0, 2.0)
@@ -166,3 +164,19 @@ def test_time_and_odometry_go_on_in_another_room(simulator):
     assert simulator.time == pytest.approx(1.0)
     assert simulator.odometry.x == x
     assert simulator.collisions.count == 0
+
+
+def test_same_commands_give_the_same_motion_to_the_last_bit():
+    poses = []
+    for _ in range(2):
+        simulator = Simulator(World(bare_room()))
+        simulator.place(2.0, 1.0, 0.3)
+        drive(simulator, 0.3, 0.2, 6.0)
+        poses.append((simulator.world.pose, simulator.odometry.x, simulator.collisions.count))
+    assert poses[0] == poses[1]
+
+
+def test_goal_distance_is_to_the_nearest_edge_of_the_footprint(simulator):
+    assert simulator.goal_distance() == math.inf
+    simulator.start_episode("Wall", Start(1.0, 1.0, 0.0, 1.0, 5))
+    assert simulator.goal_distance() == pytest.approx(WALL_X - 1.0)
