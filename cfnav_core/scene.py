@@ -161,15 +161,15 @@ def metres_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """
     per = HEADINGS * HORIZONS
     n = len(next_state) // per
-    states = np.arange(len(next_state))
-    ahead = np.asarray(next_state)[:, Action.MoveAhead]
-    moved = ahead != states
-    length = np.where((states // HORIZONS % HEADINGS) % 2, STEP_M * np.sqrt(2), STEP_M)
+    level = np.arange(0, len(next_state), HORIZONS)
+    ahead = np.asarray(next_state)[level, Action.MoveAhead]
+    moved = ahead != level
+    length = np.where((level // HORIZONS % HEADINGS) % 2, STEP_M * np.sqrt(2), STEP_M)
     goals = np.unique(np.nonzero(targets)[0] // per)
+    # the virtual node n leads to every goal; its links are 1 m long (scipy drops zeros) and that
+    # metre is taken off again
     rows = np.r_[ahead[moved] // per, np.full(len(goals), n)]
-    columns = np.r_[states[moved] // per, goals]
-    # scipy drops explicit zeros, so the virtual links carry a length that is taken off again
+    columns = np.r_[level[moved] // per, goals]
     weights = np.r_[length[moved], np.ones(len(goals))]
     graph = csr_array((weights, (rows, columns)), (n + 1, n + 1))
-    graph.data[:] = np.minimum(graph.data, 1.0)
     return dijkstra(graph, indices=n)[:n] - 1.0

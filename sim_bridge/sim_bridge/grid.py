@@ -19,6 +19,9 @@ from sim_bridge.world import Pose, World
 DIRECTIONS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 """Grid step of MoveAhead for headings 0..7 (yaw = heading * 45 degrees)."""
 
+EDGE_OF_VIEW_RAD = math.radians(75)
+"""Largest bearing in a 90-degree picture: its lower corners look past 45 degrees when tilted."""
+
 MIN_START_ACTIONS = 5
 """Fewest actions between a start and seeing the goal."""
 
@@ -104,13 +107,25 @@ def goal_states(world: World, camera: Camera, grid: StateGrid, goal: str) -> np.
     out = np.zeros(len(grid.next_state), bool)
     boxes = np.array([o.footprint for o in world.room.objects if o.name == goal])
     x, y = grid.positions.T[:, :, None]
-    dx = np.clip(x, boxes[:, 0], boxes[:, 2]) - x
-    dy = np.clip(y, boxes[:, 1], boxes[:, 3]) - y
-    near = (np.hypot(dx, dy) <= VISIBLE_DISTANCE_M).any(1)
+    distance = np.hypot(
+        np.clip(x, boxes[:, 0], boxes[:, 2]) - x, np.clip(y, boxes[:, 1], boxes[:, 3]) - y
+    )
+    # nothing of an object is in the picture unless some point of its footprint is near the cone
+    points = _points(boxes)
+    bearing = np.arctan2(points[:, 1] - y[:, None, :], points[:, 0] - x[:, None, :])
     for state in range(len(out)):
-        if near[state // (HEADINGS * HORIZONS)]:
+        p, heading = state // (HEADINGS * HORIZONS), state // HORIZONS % HEADINGS
+        off = np.abs((bearing[p] - heading * math.pi / 4 + math.pi) % math.tau - math.pi)
+        if ((distance[p] <= VISIBLE_DISTANCE_M) & (off < EDGE_OF_VIEW_RAD).any(0)).any():
             out[state] = camera.goal_visible(goal, grid.pose(state))
     return out
+
+
+def _points(boxes: np.ndarray) -> np.ndarray:
+    """[36, 2, K] points spread over K footprints (x0, y0, x1, y1), edges and corners included."""
+    part = np.linspace(0, 1, 6)[:, None]
+    xs, ys = (boxes[:, i] + part * (boxes[:, i + 2] - boxes[:, i]) for i in (0, 1))
+    return np.stack([np.stack([x, y]) for x in xs for y in ys])
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,70 @@
+"""Pictures with labels, for training perception: the format, not who renders them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cfnav_core.perception import INPUT_SIZE
+from cfnav_core.vocabulary import CATEGORIES
+
+HEAT, COARSE = 19, 10
+"""Cells per side of the category map and of the depth and floor maps."""
+
+FIELDS = ("pictures", "heat", "depth", "floor", "visible")
+
+
+@dataclass(frozen=True)
+class PictureSet:
+    """N labelled views of one room.
+
+    Attributes:
+        pictures: uint8 [N, 150, 150, 3].
+        heat: uint8 [N, 19, 19, C], pixels of each category in each cell of the full picture
+            (cells of 16 pixels of a 300x300 picture padded by 2), at most 255.
+        depth: float16 [N, 10, 10], mean metres along the optical axis.
+        floor: uint8 [N, 10, 10], share of floor, 0..255.
+        visible: bool [N, C], see ``visibility.visible``.
+    """
+
+    pictures: np.ndarray
+    heat: np.ndarray
+    depth: np.ndarray
+    floor: np.ndarray
+    visible: np.ndarray
+
+    def save(self, folder: Path) -> None:
+        """Write the set; ``folder`` appears only when complete."""
+        partial = folder.with_name(folder.name + ".partial")
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True)
+        for key in FIELDS:
+            np.save(partial / f"{key}.npy", getattr(self, key))
+        (partial / "set.json").write_text(json.dumps({"categories": CATEGORIES}))
+        shutil.rmtree(folder, ignore_errors=True)
+        os.replace(partial, folder)
+
+    @classmethod
+    def load(cls, folder: Path) -> PictureSet:
+        """Open a set, memory-mapped.
+
+        Raises:
+            ValueError: missing, damaged, or made with other categories.
+        """
+        try:
+            head = json.loads((folder / "set.json").read_text())
+            out = cls(**{k: np.load(folder / f"{k}.npy", mmap_mode="r") for k in FIELDS})
+        except (OSError, ValueError) as error:
+            raise ValueError(
+                f"found no readable picture set in {folder} ({error}); make it again with "
+                "python -m sim_bridge.dataset --views N"
+            ) from error
+        expected = (len(out.pictures), INPUT_SIZE, INPUT_SIZE, 3)
+        if tuple(head["categories"]) != CATEGORIES or out.pictures.shape != expected:
+            raise ValueError(f"found a picture set of another version in {folder}; make it again")
+        return out

@@ -1,0 +1,193 @@
+"""Render rooms: ``python -m sim_bridge.dataset --rooms kitchen:0-19 --out DIR``.
+
+Without ``--views`` every reachable state of each room goes through the bundle's perception and
+becomes an ``OfflineScene``. With ``--views N`` N random states become a ``PictureSet`` for
+training perception. Rooms already in DIR are kept, so an interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from cfnav_core.bundle import shipped_bundle
+from cfnav_core.perception import Perception, preprocess
+from cfnav_core.picture_set import COARSE, HEAT, PictureSet
+from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.vocabulary import CATEGORIES
+from sim_bridge.room import generate_room, parse_room
+
+BATCH = 64
+
+
+@dataclass(frozen=True)
+class Options:
+    """Render rooms into offline scenes or labelled pictures."""
+
+    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
+    """TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
+    out: Path = Path("out/scenes")
+    """Folder that gets one sub-folder for each room."""
+    perception: Path | None = None
+    """perception.onnx; the shipped bundle's when absent."""
+    views: int = 0
+    """Random views a room instead of every state, for training perception."""
+    processes: int = 2
+    """Rooms rendered at the same time."""
+
+
+def parse_rooms(texts: list[str]) -> list[tuple[str, int]]:
+    """Read ``TYPE:SEED`` and ``TYPE:FIRST-LAST``.
+
+    Raises:
+        ValueError: one is neither, with what was expected.
+    """
+    rooms = []
+    for text in texts:
+        first, _, last = text.partition("-")
+        kind, seed = parse_room(first)
+        if last and not last.isdecimal():
+            parse_room(f"{kind}:{last}")
+        rooms += [(kind, s) for s in range(seed, int(last or seed) + 1)]
+    return rooms
+
+
+def room_folder(out: Path, kind: str, seed: int) -> Path:
+    """Where a room's data lies."""
+    return out / f"{kind}_{seed:05d}"
+
+
+def render_scene(kind: str, seed: int, out: Path, perception: Path) -> int:
+    """Render every reachable state of a room; returns the number of states."""
+    from sim_bridge.camera import Camera
+    from sim_bridge.grid import state_grid
+    from sim_bridge.world import World
+
+    world, observe = World(generate_room(kind, seed)), Perception(perception)
+    grid = state_grid(world)
+    states = len(grid.next_state)
+    pictures = np.empty((BATCH, 150, 150, 3), np.uint8)
+    visible = np.zeros((states, len(CATEGORIES)), bool)
+    features, detections = [], []
+    with Camera(world) as camera:
+        for start in range(0, states, BATCH):
+            batch = range(start, min(start + BATCH, states))
+            for i, state in enumerate(batch):
+                pose = grid.pose(state)
+                picture = camera.picture(pose)
+                pictures[i] = preprocess(picture.rgb)
+                pixels = np.bincount(picture.owner.ravel() + 1, minlength=len(world.room.objects) + 1)
+                visible[state] = camera.visible_categories(pose, pixels[1:])
+            observation = observe(pictures[: len(batch)])
+            features.append(observation.features)
+            detections.append(observation.detections)
+    OfflineScene(
+        f"{kind}:{seed}", kind, observe.identity, np.concatenate(features),
+        np.concatenate(detections), grid.next_state, grid.collided, visible, grid.positions,
+    ).save(room_folder(out, kind, seed))  # fmt: skip
+    return states
+
+
+def render_views(kind: str, seed: int, out: Path, views: int) -> int:
+    """Render random states of a room with labels; returns their number."""
+    from sim_bridge.camera import Camera
+    from sim_bridge.grid import state_grid
+    from sim_bridge.world import World
+
+    world = World(generate_room(kind, seed))
+    grid = state_grid(world)
+    objects = world.room.objects
+    category = np.array(
+        [CATEGORIES.index(o.name) if o.name in CATEGORIES else -1 for o in objects] + [-1]
+    )
+    flat = np.array([o.name in ("Floor", "Rug") for o in objects] + [False])
+    rng = np.random.default_rng(seed)
+    states = rng.choice(len(grid.next_state), min(views, len(grid.next_state)), replace=False)
+    rows = []
+    with Camera(world) as camera:
+        for state in states:
+            pose = grid.pose(int(state))
+            picture = camera.picture(pose)
+            pixels = np.bincount(picture.owner.ravel() + 1, minlength=len(objects) + 1)[1:]
+            rows.append((
+                preprocess(picture.rgb), _heat(category[picture.owner]),
+                picture.depth.reshape(COARSE, 30, COARSE, 30).mean((1, 3)).astype(np.float16),
+                (flat[picture.owner].reshape(COARSE, 30, COARSE, 30).mean((1, 3)) * 255).astype(np.uint8),
+                camera.visible_categories(pose, pixels),
+            ))  # fmt: skip
+    PictureSet(*map(np.stack, zip(*rows, strict=True))).save(room_folder(out, kind, seed))
+    return len(states)
+
+
+def _heat(category: np.ndarray) -> np.ndarray:
+    """uint8 [19, 19, C] pixels of each category per cell, from int [300, 300] category ids."""
+    padded = np.pad(category, 2, constant_values=-1)
+    cell = np.arange(HEAT * 16) // 16
+    index = (cell[:, None] * HEAT + cell[None]) * (len(CATEGORIES) + 1) + padded + 1
+    counts = np.bincount(index.ravel(), minlength=HEAT * HEAT * (len(CATEGORIES) + 1))
+    return np.minimum(counts.reshape(HEAT, HEAT, -1)[..., 1:], 255).astype(np.uint8)
+
+
+def _finished(folder: Path, views: int, perception: Path | None) -> bool:
+    if views:
+        return (folder / "set.json").exists()
+    try:
+        return OfflineScene.load(folder).perception == Perception(perception).identity
+    except SceneError:
+        return False
+
+
+def run(options: Options) -> None:
+    """Render every room that is not there yet.
+
+    Raises:
+        ValueError: bad rooms, or a room that cannot be rendered (named in the message).
+    """
+    rooms = parse_rooms(options.rooms)
+    if not rooms:
+        raise ValueError("found no rooms; say which, for example --rooms kitchen:0-19")
+    perception = options.perception
+    if not options.views:
+        perception = perception or shipped_bundle() / "perception.onnx"
+        Perception(perception)
+    todo = [
+        r for r in rooms if not _finished(room_folder(options.out, *r), options.views, perception)
+    ]
+    with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
+        jobs = {
+            pool.submit(render_views, *room, options.out, options.views)
+            if options.views
+            else pool.submit(render_scene, *room, options.out, perception): room
+            for room in todo
+        }
+        bar = tqdm(as_completed(jobs), total=len(jobs), unit="room", mininterval=2.0)
+        states = 0
+        for job in bar:
+            try:
+                states += job.result()
+            except Exception as error:
+                pool.shutdown(cancel_futures=True)
+                kind, seed = jobs[job]
+                raise ValueError(f"room {kind}:{seed} could not be rendered: {error}") from error
+            bar.set_postfix_str(f"{states} states")
+    print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
+
+
+def main() -> None:
+    """Entry point: exit 2 with one sentence on bad input."""
+    try:
+        run(tyro.cli(Options))
+    except (ValueError, ImportError) as error:
+        sys.exit(f"dataset: {error}")
+
+
+if __name__ == "__main__":
+    main()
