@@ -1,0 +1,456 @@
+"""The mock TurtleBot 4 as a process of its own, heard and driven over a real ROS graph."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.ros
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+interfaces = pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
+
+from cfnav_interfaces.msg import GroundTruth  # noqa: E402
+from cfnav_interfaces.srv import EndEpisode, StartEpisode  # noqa: E402
+from geometry_msgs.msg import Twist, TwistStamped  # noqa: E402
+from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector  # noqa: E402
+from nav_msgs.msg import OccupancyGrid, Odometry  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan  # noqa: E402
+from sim_bridge.room import generate_room  # noqa: E402
+from sim_bridge.world import HULL_RADIUS, World  # noqa: E402
+from std_msgs.msg import Float64  # noqa: E402
+from tf2_msgs.msg import TFMessage  # noqa: E402
+
+ROOM = "kitchen:21"
+DEADLINE_S = 60.0
+TOPICS = {
+    "/clock": Clock,
+    "oakd/rgb/preview/image_raw": Image,
+    "oakd/rgb/preview/camera_info": CameraInfo,
+    "scan": LaserScan,
+    "odom": Odometry,
+    "tf": TFMessage,
+    "tf_static": TFMessage,
+    "joint_states": JointState,
+    "hazard_detection": HazardDetectionVector,
+    "ground_truth/state": GroundTruth,
+    "ground_truth/map": OccupancyGrid,
+}
+LATCHED = {"odom", "tf_static", "ground_truth/map"}
+
+
+def seconds(stamp):
+    return stamp.sec + stamp.nanosec * 1e-9
+
+
+class Mock:
+    """The process; what it writes is kept in files."""
+
+    def __init__(self, folder, domain, *parameters, **environment):
+        self.out, self.err = folder / "stdout", folder / "stderr"
+        command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", "--ros-args"]
+        for parameter in parameters:
+            command += ["-p", parameter]
+        env = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            **environment,
+        }
+        with self.out.open("w") as out, self.err.open("w") as err:
+            self.process = subprocess.Popen(command, env=env, stdout=out, stderr=err)
+
+    def wait_ready(self):
+        end = time.monotonic() + DEADLINE_S
+        while "ready" not in self.out.read_text():
+            assert self.process.poll() is None, self.err.read_text()
+            assert time.monotonic() < end, "no ready line"
+            time.sleep(0.05)
+
+    def wait_end(self):
+        return self.process.wait(DEADLINE_S)
+
+    def end(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        return self.wait_end()
+
+
+class Listener:
+    """Another node in the domain, in this process: keeps every message, sends commands."""
+
+    def __init__(self, domain):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node("listener", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.heard = defaultdict(list)
+        for topic, kind in TOPICS.items():
+            qos = QoSProfile(depth=50)
+            if topic in LATCHED:
+                qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
+        best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.velocity = self.node.create_publisher(TwistStamped, "cmd_vel", best_effort)
+        self.unstamped = self.node.create_publisher(Twist, "cmd_vel_unstamped", best_effort)
+        self.tilt = self.node.create_publisher(Float64, "camera_tilt/command", 10)
+        self.clients = {
+            kind: self.node.create_client(kind, f"simulator/{name}")
+            for kind, name in ((StartEpisode, "start_episode"), (EndEpisode, "end_episode"))
+        }
+
+    def last(self, topic):
+        return self.heard[topic][-1]
+
+    def now(self):
+        return seconds(self.last("/clock").clock)
+
+    def wait(self, condition, what, each=lambda: None):
+        """Hear messages until a condition holds; ``each`` is called between them."""
+        end = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain: {what}"
+            each()
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def wait_connected(self):
+        publishers = (self.velocity, self.unstamped, self.tilt)
+        self.wait(lambda: all(self.heard[topic] for topic in TOPICS), "every topic")
+        self.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
+
+    def drive(self, v, w, condition, what, unstamped=False):
+        """Renew a command at every odometry message until a condition holds."""
+        sent = [0]
+
+        def renew():
+            if len(self.heard["odom"]) == sent[0]:
+                return
+            sent[0] = len(self.heard["odom"])
+            twist = Twist()
+            twist.linear.x, twist.angular.z = v, w
+            if unstamped:
+                self.unstamped.publish(twist)
+            else:
+                message = TwistStamped(twist=twist)
+                message.header.stamp = self.last("/clock").clock
+                self.velocity.publish(message)
+
+        self.wait(condition, what, renew)
+
+    def wait_rest(self):
+        def rests():
+            twist = self.last("odom").twist.twist
+            return abs(twist.linear.x) < 1e-4 and abs(twist.angular.z) < 1e-4
+
+        self.wait(rests, "the robot to stand still")
+
+    def call(self, kind, **fields):
+        client = self.clients[kind]
+        self.wait(client.service_is_ready, "the service")
+        answer = client.call_async(kind.Request(**fields))
+        self.wait(answer.done, "the answer")
+        return answer.result()
+
+    def close(self):
+        rclpy.shutdown(context=self.context)
+        self.executor.shutdown()
+        self.node.destroy_node()
+
+
+@pytest.fixture(scope="module")
+def domain():
+    """A domain of this process; pytest workers and other tests have other ones."""
+    return 40 + os.getpid() % 60
+
+
+def before_a_wall():
+    """A free pose that looks at a wall or a piece of furniture 3 cm ahead of the hull."""
+    world = World(generate_room("kitchen", 21))
+    for x in np.arange(world.room.width - HULL_RADIUS, 0.5, -0.01):
+        for y in np.arange(0.4, world.room.depth - 0.4, 0.1):
+            ahead = world.free(x + 0.03, y)
+            if not ahead and world.sweep_free((x, y), (x - 0.6, y)):
+                return float(x), float(y), 0.0
+    raise AssertionError("no wall found")
+
+
+@pytest.fixture(scope="module")
+def start():
+    x, y, yaw = before_a_wall()
+    return x - 0.6, y, yaw
+
+
+@pytest.fixture(scope="module")
+def mock(tmp_path_factory, domain, start):
+    pose = "[{:.4f}, {:.4f}, {:.4f}]".format(*start)
+    mock = Mock(
+        tmp_path_factory.mktemp("mock"), domain, f"room:={ROOM}", f"start:={pose}", "speed:=0"
+    )
+    mock.wait_ready()
+    yield mock
+    assert mock.end() == 0, mock.err.read_text()
+
+
+@pytest.fixture(scope="module")
+def robot(mock, domain):
+    listener = Listener(domain)
+    listener.wait_connected()
+    listener.wait(lambda: len(listener.heard["scan"]) > 40, "5 s of scans")
+    yield listener
+    listener.close()
+
+
+def test_one_ready_line(mock):
+    assert mock.out.read_text().count("\n") == 1
+    assert re.match(r"mock_turtlebot4 ready: room kitchen:21, goal none", mock.out.read_text())
+
+
+@pytest.mark.parametrize(
+    ("topic", "hz"),
+    [
+        ("oakd/rgb/preview/image_raw", 15.0),
+        ("oakd/rgb/preview/camera_info", 15.0),
+        ("scan", 7.7),
+        ("odom", 20.0),
+        ("joint_states", 20.0),
+        ("hazard_detection", 20.0),
+        ("ground_truth/state", 20.0),
+    ],
+)
+def test_rate_by_stamps(robot, topic, hz):
+    stamps = [seconds(m.header.stamp) for m in robot.heard[topic]]
+    periods = np.diff(stamps)
+    # A message lost on a busy machine would show as a double period; the median does not.
+    assert np.all(periods >= 1 / hz - 0.0101)
+    assert np.median(periods) == pytest.approx(1 / hz, abs=0.0101)
+    assert periods[periods < 1.5 / hz].mean() == pytest.approx(1 / hz, rel=0.02)
+
+
+def test_clock_announces_the_time_of_every_stamp(robot):
+    ticks = [seconds(m.clock) for m in robot.heard["/clock"]]
+    assert np.all(np.diff(ticks) > 0)
+    assert np.diff(ticks).max() <= 0.11  # 0.05 s, and one message may be lost
+    known = {round(tick, 4) for tick in ticks}
+    stamps = [
+        seconds(m.header.stamp)
+        for m in robot.heard["scan"]
+        if ticks[0] < seconds(m.header.stamp) < ticks[-1]
+    ]
+    assert np.mean([round(stamp, 4) in known for stamp in stamps]) > 0.9
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_quality_of_service(robot, topic):
+    (publisher,) = robot.node.get_publishers_info_by_topic(topic)
+    qos = publisher.qos_profile
+    durability = "TRANSIENT_LOCAL" if topic in LATCHED else "VOLATILE"
+    assert publisher.node_name == "mock_turtlebot4"
+    assert (qos.reliability.name, qos.durability.name) == ("RELIABLE", durability)
+
+
+def test_commands_are_received_best_effort(robot):
+    kinds = {"cmd_vel": "TwistStamped", "cmd_vel_unstamped": "Twist"}
+    for topic, kind in kinds.items():
+        (subscriber,) = robot.node.get_subscriptions_info_by_topic(topic)
+        assert subscriber.topic_type == f"geometry_msgs/msg/{kind}"
+        assert subscriber.qos_profile.reliability.name == "BEST_EFFORT"
+
+
+def test_picture_is_what_the_oakd_sends(robot):
+    image, info = (
+        robot.last("oakd/rgb/preview/image_raw"),
+        robot.last("oakd/rgb/preview/camera_info"),
+    )
+    assert (image.encoding, image.is_bigendian, image.step) == ("bgr8", 1, 900)
+    assert (image.height, image.width) == (info.height, info.width) == (300, 300)
+    assert image.header.frame_id == info.header.frame_id == "oakd_rgb_camera_optical_frame"
+    assert np.frombuffer(image.data, np.uint8).reshape(300, 300, 3).std() > 10
+    # 90 degrees: half the picture's width spans 45 degrees.
+    assert 2 * math.atan(info.width / 2 / info.k[0]) == pytest.approx(math.pi / 2)
+
+
+def test_scan_is_what_the_a1m8_driver_sends(robot, start):
+    scan = robot.last("scan")
+    ranges = np.array(scan.ranges)
+    assert scan.header.frame_id == "rplidar_link"
+    assert ranges.shape == (1080,)
+    assert (scan.angle_min, scan.angle_max) == pytest.approx((-3.12414, 3.14159), abs=1e-4)
+    assert scan.angle_increment == pytest.approx((scan.angle_max - scan.angle_min) / 1079)
+    assert (scan.range_min, scan.range_max) == pytest.approx((0.15, 12.0))
+    triples = ranges.reshape(360, 3)
+    assert np.array_equal(triples[:, 0], triples[:, 1])
+    assert np.array_equal(triples[:, 0], triples[:, 2])
+    assert np.isinf(ranges).any()
+    assert np.isfinite(ranges).mean() > 0.5
+    world = World(generate_room("kitchen", 21))
+    world.reset(*start)
+    assert world.free(*start[:2])
+    forward = ranges[round((-math.pi / 2 - scan.angle_min) / scan.angle_increment)]
+    assert forward == pytest.approx(world.scan()[0], abs=0.02)
+
+
+def test_frames_join_sensors_to_odometry(robot):
+    poses = {}
+    for topic in ("tf_static", "tf"):
+        for transform in robot.last(topic).transforms:
+            poses[transform.child_frame_id] = transform
+    parents = {child: t.header.frame_id for child, t in poses.items()}
+    assert parents["base_footprint"] == parents["base_link"] == "odom"
+
+    def chain(frame):
+        return [frame, *(chain(parents[frame]) if frame in parents else [])]
+
+    assert chain("rplidar_link") == ["rplidar_link", "shell_link", "base_link", "odom"]
+    assert chain("oakd_rgb_camera_optical_frame")[-2:] == ["base_link", "odom"]
+    lidar, shell = poses["rplidar_link"].transform, poses["shell_link"].transform
+    assert lidar.translation.z + shell.translation.z == pytest.approx(0.193)
+    assert lidar.translation.x == pytest.approx(-0.04)
+    assert 2 * math.atan2(lidar.rotation.z, lidar.rotation.w) == pytest.approx(math.pi / 2)
+    assert poses["oakd_link"].transform.translation.z == pytest.approx(1.3)
+
+
+def test_map_covers_the_room(robot):
+    room, grid = generate_room("kitchen", 21), robot.last("ground_truth/map")
+    assert grid.header.frame_id == "room"
+    assert grid.info.resolution == pytest.approx(0.02)
+    assert grid.info.width * 0.02 == pytest.approx(room.width, abs=0.02)
+    assert grid.info.height * 0.02 == pytest.approx(room.depth, abs=0.02)
+    assert set(grid.data) == {0, 100}
+
+
+@pytest.mark.parametrize("unstamped", [False, True])
+def test_command_turns_the_robot_and_expires(robot, unstamped):
+    def yaw():
+        rotation = robot.last("odom").pose.pose.orientation
+        return 2 * math.atan2(rotation.z, rotation.w)
+
+    before = yaw()
+    sign = 1.0 if unstamped else -1.0
+    robot.drive(0.0, sign, lambda: sign * (yaw() - before) > 0.5, "half a radian", unstamped)
+    asked_last = robot.now()
+    robot.wait_rest()
+    # 0.5 s to expire and 0.13 s to brake; a command under way may come a little later.
+    assert 0.3 < robot.now() - asked_last < 1.5
+    assert sign * (yaw() - before) > 0.5 + 0.3
+
+
+def test_camera_tilts(robot):
+    for asked in (-math.pi / 6, 0.0):
+        robot.tilt.publish(Float64(data=asked))
+
+        def reached(asked=asked):
+            return abs(robot.last("joint_states").position[0] - asked) < 0.01
+
+        robot.wait(reached, "the tilt")
+        assert robot.last("joint_states").name == ["camera_tilt"]
+        (camera,) = (t for t in robot.last("tf").transforms if t.child_frame_id == "oakd_link")
+        pitch = 2 * math.atan2(camera.transform.rotation.y, camera.transform.rotation.w)
+        assert pitch == pytest.approx(-asked, abs=0.1)
+
+
+def test_bump_is_reported_by_the_base_and_counted_by_the_simulator(robot, start):
+    robot.drive(0.2, 0.0, lambda: robot.last("ground_truth/state").in_contact, "a contact")
+    robot.wait(lambda: robot.last("hazard_detection").detections, "a bump hazard")
+    (bump,) = robot.last("hazard_detection").detections[:1]
+    assert bump.type == HazardDetection.BUMP
+    assert bump.header.frame_id.startswith("bump_")
+    truth = robot.last("ground_truth/state")
+    assert truth.collisions == 1
+    assert truth.contact_with
+    onset = next(m for m in robot.heard["ground_truth/state"] if m.in_contact)
+    assert onset.impact_speed == pytest.approx(0.2, abs=0.02)
+    assert math.dist((truth.x, truth.y), start[:2]) > 0.3
+    robot.wait_rest()
+
+
+def test_episode_of_its_own_room_and_of_another(robot):
+    for room, goal in ((ROOM, "Sink"), ("bathroom:20", "ToiletPaper")):
+        answer = robot.call(StartEpisode, room=room, goal=goal, seed=3)
+        assert answer.ok, answer.message
+        assert answer.shortest_actions >= 6
+        robot.wait(lambda goal=goal: robot.last("ground_truth/state").goal == goal, "the episode")
+        truth = robot.last("ground_truth/state")
+        assert (truth.room, truth.collisions, truth.goal_visible) == (room, 0, False)
+        assert (truth.x, truth.y) == pytest.approx((answer.x, answer.y), abs=1e-3)
+        assert truth.shortest_path == pytest.approx(answer.shortest_path)
+        turned = robot.now() + 1.0
+        robot.drive(0.0, 1.0, lambda t=turned: robot.now() > t, "a turn")
+        account = robot.call(EndEpisode)
+        assert account.ok
+        assert account.path_length == pytest.approx(0.0, abs=0.01)
+        assert account.shortest_path == pytest.approx(answer.shortest_path)
+    assert len(robot.heard["ground_truth/map"]) == 2
+    answer = robot.call(EndEpisode)
+    assert not answer.ok
+    assert "No episode runs" in answer.message
+
+
+@pytest.mark.parametrize(
+    ("room", "goal", "words"),
+    [("bathroom:20", "Television", "ToiletPaper"), ("cellar:1", "Mug", "kitchen")],
+)
+def test_episode_that_cannot_start_says_why(robot, room, goal, words):
+    before = robot.last("ground_truth/state")
+    answer = robot.call(StartEpisode, room=room, goal=goal, seed=3)
+    assert not answer.ok
+    assert words in answer.message
+    robot.wait(lambda: robot.last("ground_truth/state") is not before, "the next state")
+    assert robot.last("ground_truth/state").room == before.room
+
+
+def test_second_robot_in_the_domain_is_refused(robot, domain, tmp_path):
+    second = Mock(tmp_path, domain)
+    threading.Thread(target=second.wait_end).start()
+    robot.wait(lambda: second.process.poll() is not None, "the second to give up")
+    assert second.process.returncode == 2
+    assert "choose another ROS_DOMAIN_ID" in second.err.read_text()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        (["room:=cellar:1"], "kitchen"),
+        (["rooms:=kitchen:2"], "'rooms' is unknown"),
+        (["speed:=fast"], "expected float"),
+        (["start:=[0.0, 0.0, 0.0]"], "is not free"),
+        (["goal:=Unicorn"], "Unicorn"),
+    ],
+)
+def test_bad_parameter_is_one_sentence_and_exit_code_2(tmp_path, domain, parameters, words):
+    mock = Mock(tmp_path, domain + 1, *parameters)
+    assert mock.wait_end() == 2
+    lines = mock.err.read_text().splitlines()
+    assert len(lines) == 1
+    assert words in lines[0]
+
+
+def test_missing_gl_library_is_one_sentence_and_exit_code_2(tmp_path, domain):
+    mock = Mock(tmp_path, domain + 1, MUJOCO_GL="nothing", CFNAV_GL_CHOSEN="")
+    assert mock.wait_end() == 2
+    assert len(mock.err.read_text().splitlines()) == 1
+    assert "GL library" in mock.err.read_text()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_it_cleanly_and_twice_is_no_worse(tmp_path, domain, number):
+    mock = Mock(tmp_path, domain + 1, "room:=bathroom:20")
+    mock.wait_ready()
+    mock.process.send_signal(number)
+    mock.process.send_signal(number)
+    assert mock.wait_end() == 0
+    assert mock.err.read_text() == ""
