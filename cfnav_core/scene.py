@@ -22,6 +22,9 @@ from cfnav_core.vocabulary import CATEGORIES, ROOM_TYPES
 
 HEADINGS, HORIZONS = 8, 2
 SCHEMA = 1
+PICTURES = "pictures.npy"
+"""Optional beside the arrays: uint8 [S, 150, 150, 3], to make the features again from."""
+
 ARRAYS = ("features", "detections", "next_state", "collided", "visible", "positions")
 
 
@@ -37,6 +40,7 @@ class OfflineScene:
         name: for example ``kitchen:21``.
         room_type: one of ``ROOM_TYPES``.
         perception: identity of the perception that made the features.
+        source: identity of the program that made the room and its pictures.
         features: float16 [S, F].
         detections: float16 [S, C, 5]: score, x, y, size, near (see ``perception.Observation``).
         next_state: int32 [S, 6]: where each action leads; itself when nothing changes.
@@ -48,6 +52,7 @@ class OfflineScene:
     name: str
     room_type: str
     perception: str
+    source: str
     features: np.ndarray
     detections: np.ndarray
     next_state: np.ndarray
@@ -70,9 +75,12 @@ class OfflineScene:
             np.save(partial / f"{key}.npy", np.packbits(value, 1) if key == "visible" else value)
         head = {
             "schema": SCHEMA, "name": self.name, "room_type": self.room_type,
-            "perception": self.perception, "states": self.num_states, "categories": CATEGORIES,
+            "perception": self.perception, "source": self.source, "states": self.num_states,
+            "categories": CATEGORIES,
         }  # fmt: skip
         (partial / "scene.json").write_text(json.dumps(head, indent=1))
+        if (folder / PICTURES).exists():
+            os.replace(folder / PICTURES, partial / PICTURES)
         shutil.rmtree(folder, ignore_errors=True)
         os.replace(partial, folder)
 
@@ -97,7 +105,8 @@ class OfflineScene:
                 "version's categories; make it again with python -m sim_bridge.dataset"
             )
         arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(CATEGORIES)].astype(bool)
-        scene = cls(head["name"], head["room_type"], head["perception"], **arrays)
+        text = (head[k] for k in ("name", "room_type", "perception", "source"))
+        scene = cls(*text, **arrays)
         scene._check(folder, head["states"])
         return scene
 

@@ -29,6 +29,10 @@ class Picture:
     depth: np.ndarray
     owner: np.ndarray
 
+    def pixels(self, objects: int) -> np.ndarray:
+        """int64 [objects]: pixels of every object."""
+        return np.bincount(self.owner.ravel() + 1, minlength=objects + 1)[1:]
+
 
 class Camera:
     """Renders a world. Create, use and close it in one thread; it owns a GL context.

@@ -7,9 +7,10 @@ training perception. Rooms already in DIR are kept, so an interrupted run goes o
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +20,9 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.bundle import shipped_bundle
-from cfnav_core.perception import Perception, preprocess
+from cfnav_core.perception import INPUT_SIZE, Perception, preprocess
 from cfnav_core.picture_set import COARSE, HEAT, PictureSet
-from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scene import PICTURES, OfflineScene, SceneError
 from cfnav_core.vocabulary import CATEGORIES
 from sim_bridge.room import generate_room, parse_room
 
@@ -38,6 +39,8 @@ class Options:
     """Folder that gets one sub-folder for each room."""
     perception: Path | None = None
     """perception.onnx; the shipped bundle's when absent."""
+    keep_pictures: bool = False
+    """Keep every picture (68 kB a state), to make features again when perception changes."""
     views: int = 0
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
@@ -65,35 +68,71 @@ def room_folder(out: Path, kind: str, seed: int) -> Path:
     return out / f"{kind}_{seed:05d}"
 
 
-def render_scene(kind: str, seed: int, out: Path, perception: Path) -> int:
-    """Render every reachable state of a room; returns the number of states."""
+def source_identity() -> str:
+    """First 16 hex digits of the SHA-256 of the program that makes rooms and pictures."""
+    files = ("parts", "textures", "furniture", "objects", "room", "meshes", "world", "camera", "grid")
+    digest = hashlib.sha256()
+    for name in files:
+        digest.update((Path(__file__).parent / f"{name}.py").read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_pictures: bool) -> int:
+    """Make the scene of a room; returns its number of states.
+
+    Pictures kept from an earlier run of the same program are not rendered again.
+    """
+    folder, observe = room_folder(out, kind, seed), Perception(perception)
+    old = _kept(folder)
+    if old is None:
+        scene, pictures = _render(kind, seed)
+        if keep_pictures:
+            folder.mkdir(parents=True, exist_ok=True)
+            np.save(folder / PICTURES, pictures)
+    else:
+        scene, pictures = old, np.load(folder / PICTURES, mmap_mode="r")
+    rows = [observe(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
+    replace(
+        scene, perception=observe.identity,
+        features=np.concatenate([r.features for r in rows]),
+        detections=np.concatenate([r.detections for r in rows]),
+    ).save(folder)  # fmt: skip
+    return len(pictures)
+
+
+def _kept(folder: Path) -> OfflineScene | None:
+    """The scene whose pictures can be used again."""
+    try:
+        scene = OfflineScene.load(folder)
+    except SceneError:
+        return None
+    same = scene.source == source_identity() and (folder / PICTURES).exists()
+    return scene if same else None
+
+
+def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
+    """Transitions, visibility and pictures uint8 [S, 150, 150, 3] of a room, without features."""
     from sim_bridge.camera import Camera
     from sim_bridge.grid import state_grid
     from sim_bridge.world import World
 
-    world, observe = World(generate_room(kind, seed)), Perception(perception)
+    world = World(generate_room(kind, seed))
     grid = state_grid(world)
     states = len(grid.next_state)
-    pictures = np.empty((BATCH, 150, 150, 3), np.uint8)
+    pictures = np.empty((states, INPUT_SIZE, INPUT_SIZE, 3), np.uint8)
     visible = np.zeros((states, len(CATEGORIES)), bool)
-    features, detections = [], []
     with Camera(world) as camera:
-        for start in range(0, states, BATCH):
-            batch = range(start, min(start + BATCH, states))
-            for i, state in enumerate(batch):
-                pose = grid.pose(state)
-                picture = camera.picture(pose)
-                pictures[i] = preprocess(picture.rgb)
-                pixels = np.bincount(picture.owner.ravel() + 1, minlength=len(world.room.objects) + 1)
-                visible[state] = camera.visible_categories(pose, pixels[1:])
-            observation = observe(pictures[: len(batch)])
-            features.append(observation.features)
-            detections.append(observation.detections)
-    OfflineScene(
-        f"{kind}:{seed}", kind, observe.identity, np.concatenate(features),
-        np.concatenate(detections), grid.next_state, grid.collided, visible, grid.positions,
-    ).save(room_folder(out, kind, seed))  # fmt: skip
-    return states
+        for state in range(states):
+            pose = grid.pose(state)
+            picture = camera.picture(pose)
+            pictures[state] = preprocess(picture.rgb)
+            visible[state] = camera.visible_categories(pose, picture.pixels(len(world.room.objects)))
+    none = np.empty((states, 0), np.float16)
+    scene = OfflineScene(
+        f"{kind}:{seed}", kind, "", source_identity(), none, none, grid.next_state, grid.collided,
+        visible, grid.positions,
+    )  # fmt: skip
+    return scene, pictures
 
 
 def render_views(kind: str, seed: int, out: Path, views: int) -> int:
@@ -116,12 +155,11 @@ def render_views(kind: str, seed: int, out: Path, views: int) -> int:
         for state in states:
             pose = grid.pose(int(state))
             picture = camera.picture(pose)
-            pixels = np.bincount(picture.owner.ravel() + 1, minlength=len(objects) + 1)[1:]
             rows.append((
                 preprocess(picture.rgb), _heat(category[picture.owner]),
                 picture.depth.reshape(COARSE, 30, COARSE, 30).mean((1, 3)).astype(np.float16),
                 (flat[picture.owner].reshape(COARSE, 30, COARSE, 30).mean((1, 3)) * 255).astype(np.uint8),
-                camera.visible_categories(pose, pixels),
+                camera.visible_categories(pose, picture.pixels(len(objects))),
             ))  # fmt: skip
     PictureSet(*map(np.stack, zip(*rows, strict=True))).save(room_folder(out, kind, seed))
     return len(states)
@@ -140,9 +178,11 @@ def _finished(folder: Path, views: int, perception: Path | None) -> bool:
     if views:
         return (folder / "set.json").exists()
     try:
-        return OfflineScene.load(folder).perception == Perception(perception).identity
+        scene = OfflineScene.load(folder)
     except SceneError:
         return False
+    made_with = (Perception(perception).identity, source_identity())
+    return (scene.perception, scene.source) == made_with
 
 
 def run(options: Options) -> None:
@@ -165,7 +205,9 @@ def run(options: Options) -> None:
         jobs = {
             pool.submit(render_views, *room, options.out, options.views)
             if options.views
-            else pool.submit(render_scene, *room, options.out, perception): room
+            else pool.submit(
+                render_scene, *room, options.out, perception, options.keep_pictures
+            ): room
             for room in todo
         }
         bar = tqdm(as_completed(jobs), total=len(jobs), unit="room", mininterval=2.0)

@@ -1,0 +1,94 @@
+"""Training state to and from disk: safetensors for numbers, no pickle anywhere."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+
+class CheckpointError(ValueError):
+    """A checkpoint is damaged or belongs to another network; the message says which."""
+
+
+def save_tensors(path: Path, tensors: dict[str, Tensor], head: dict[str, Any]) -> None:
+    """Write named tensors and a JSON head; the file appears only when complete."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
+    copies = {k: v.detach().clone().contiguous() for k, v in tensors.items()}
+    save_file(copies, partial, {"head": json.dumps(head)})
+    os.replace(partial, path)
+
+
+def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read what ``save_tensors`` wrote.
+
+    Raises:
+        CheckpointError: missing or damaged.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
+            return tensors, json.loads((file.metadata() or {})["head"])
+    except (OSError, SafetensorError, KeyError, ValueError) as error:
+        raise CheckpointError(
+            f"found no readable checkpoint at {path} ({error}); delete it to start again"
+        ) from error
+
+
+def optimizer_tensors(prefix: str, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """The optimizer's state as named tensors."""
+    state = optimizer.state_dict()["state"]
+    return {
+        f"{prefix}.{i}.{key}": torch.as_tensor(v) for i, row in state.items() for key, v in row.items()
+    }
+
+
+def restore_optimizer(
+    prefix: str, optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]
+) -> None:
+    """Put back what ``optimizer_tensors`` took out."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in tensors.items():
+        if name.startswith(prefix + "."):
+            _, index, key = name.rsplit(".", 2)
+            state.setdefault(int(index), {})[key] = value
+    whole = optimizer.state_dict()
+    optimizer.load_state_dict({"state": state, "param_groups": whole["param_groups"]})
+
+
+def save_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, seen: int) -> None:
+    """Checkpoint of a supervised run: weights, optimizer and the number of samples seen."""
+    tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
+    save_tensors(path, tensors | optimizer_tensors("optimizer", optimizer), {"seen": seen})
+
+
+def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> int:
+    """Restore ``save_state``; returns the number of samples seen.
+
+    Raises:
+        CheckpointError: damaged, or of another network.
+    """
+    tensors, head = load_tensors(path)
+    load_module(path, "net", net, tensors)
+    restore_optimizer("optimizer", optimizer, tensors)
+    return int(head["seen"])
+
+
+def load_module(path: Path, prefix: str, module: nn.Module, tensors: dict[str, Tensor]) -> None:
+    """Load the weights stored under a prefix.
+
+    Raises:
+        CheckpointError: names or shapes differ.
+    """
+    own = {k[len(prefix) + 1 :]: v for k, v in tensors.items() if k.startswith(prefix + ".")}
+    try:
+        module.load_state_dict(own)
+    except RuntimeError as error:
+        raise CheckpointError(f"found a checkpoint of another network at {path}: {error}") from error
