@@ -116,7 +116,8 @@ class ExportedPerception(nn.Module):
         y = torch.div(cell, HEAT, rounding_mode="floor").float() * (2 / (HEAT - 1)) - 1
         size = p.sum(2).sqrt() / HEAT
         visible = torch.sigmoid(near).flatten(2).amax(2)
-        return features, torch.stack([score, x * score, y * score, size, visible], 2)
+        fields = torch.stack([score, x * score, y * score, size, visible], 2)
+        return features, fields.reshape(-1, C, 5)
 
 
 def export_perception(net: PerceptionNet, path: Path) -> None:
