@@ -73,8 +73,12 @@ def image(rgb: np.ndarray, t: float) -> Image:
     message.encoding = "bgr8"
     message.is_bigendian = 1
     message.step = 3 * width
+    bgr = np.empty_like(rgb)
+    for channel in range(3):  # three times as fast as copying rgb[..., ::-1]
+        bgr[..., channel] = rgb[..., 2 - channel]
     # array.array is the one type the message takes over without looking at every byte.
-    message.data = array("B", np.ascontiguousarray(rgb[:, :, ::-1]).tobytes())
+    message.data = array("B")
+    message.data.frombytes(bgr.data)
     return message
 
 
