@@ -167,6 +167,10 @@ class Episode:
         self.phase = Phase.ENDED if self.phase is Phase.PREFLIGHT else Phase.STOPPING
         self._since = self._t
 
+    def fail(self, message: str) -> None:
+        """End the episode because it cannot go on: refused before it drove, aborted after."""
+        self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
+
     def update(self, t: float, inputs: Inputs) -> Output:
         """Advance to node time t (seconds) with the newest inputs."""
         if self._begun is None:
@@ -194,13 +198,10 @@ class Episode:
 
     # Watching
 
-    def _fail(self, message: str) -> None:
-        self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
-
     def _check_time(self, t: float) -> None:
         before, self._t = self._t, t
         if t < before:
-            self._fail("Node time jumped back.")
+            self.fail("Node time jumped back.")
             self._since = t
         elif self._time_limit and t - self._begun > self._time_limit:
             self.finish("time_limit", f"{self._time_limit:g} s have passed.")
@@ -212,24 +213,24 @@ class Episode:
         if self.track.bump(inputs.bumped_at) and self._motion:
             self._motion.bump()
         if inputs.odometry and not self.track.odometry(inputs.odometry):
-            self._fail("Odometry jumped: its pose was reset, or the robot was moved.")
+            self.fail("Odometry jumped: its pose was reset, or the robot was moved.")
 
     def _check_inputs(self, t: float, inputs: Inputs) -> bool:
         """Whether the inputs cannot be used now; ends the episode when that lasts."""
         limits = self._limits
         complaint = unusable(t, inputs, limits.ages, limits.lidar, limits.has_tilt)
         if inputs.base.fault:
-            self._fail(inputs.base.fault)
+            self.fail(inputs.base.fault)
         elif self.phase is Phase.PREFLIGHT:
             if t - self._begun > limits.preflight_timeout:
-                self._fail(complaint or inputs.base.waiting or "The policy is still busy.")
+                self.fail(complaint or inputs.base.waiting or "The policy is still busy.")
         elif complaint and t - self._usable_at > limits.lost_timeout:
-            self._fail(complaint)
+            self.fail(complaint)
         estimate = inputs.estimate.estimate if limits.lidar and inputs.estimate else None
         if estimate is None or estimate.verdict is not Verdict.BLIND:
             self._seeing_at = t
         elif t - self._seeing_at > limits.blind_timeout:
-            self._fail(f"The LiDAR is blind: {estimate.reason}")
+            self.fail(f"The LiDAR is blind: {estimate.reason}")
         if not complaint:
             self._usable_at = t
         return bool(complaint)
@@ -240,13 +241,13 @@ class Episode:
         if self._answer is None:
             fault = self._refusal(inputs)
             if fault:
-                self._fail(fault)
+                self.fail(fault)
                 return Output()
             self._answer = self._submit(self._policy.reset, self.goal)
         if not inputs.base.ready or not self._answer.done():
             return Output()
         if self._answer.exception():
-            self._fail(str(self._answer.exception()))
+            self.fail(str(self._answer.exception()))
             return Output()
         self._answer = None
         self.track = Track(inputs.bumped_at)
@@ -271,7 +272,7 @@ class Episode:
         elif self._observable(inputs):
             self._ask(t, inputs)
         elif t - self._since > self._limits.observe_timeout:
-            self._fail("The robot does not come to rest, or no new picture arrives.")
+            self.fail("The robot does not come to rest, or no new picture arrives.")
         return Output()
 
     def _observable(self, inputs: Inputs) -> bool:
@@ -288,7 +289,7 @@ class Episode:
         try:
             rgb = inputs.frame.decode()
         except ValueError as error:
-            self._fail(str(error))
+            self.fail(str(error))
             return
         estimate = inputs.estimate if self._limits.lidar else None
         probability = estimate.estimate.probability if estimate else None
@@ -300,10 +301,10 @@ class Episode:
     def _think(self, t: float, inputs: Inputs) -> Output:
         if not self._answer.done():
             if t - self._since > self._limits.think_timeout:
-                self._fail("The policy did not answer in time.")
+                self.fail("The policy did not answer in time.")
             return Output()
         if self._answer.exception():
-            self._fail(f"The policy failed: {self._answer.exception()}")
+            self.fail(f"The policy failed: {self._answer.exception()}")
             return Output()
         decision, self._answer = self._answer.result(), None
         stamp, estimate = self._observation
@@ -347,7 +348,7 @@ class Episode:
             self._still_from = t
             self._enter(Phase.OBSERVE, t)
         elif t - self._since > self._limits.tilt_timeout:
-            self._fail(f"The camera stays at {inputs.tilt.angle:.2f} rad.")
+            self.fail(f"The camera stays at {inputs.tilt.angle:.2f} rad.")
         return Output(tilt=target)
 
     def _move(self, t: float, inputs: Inputs) -> Output:
@@ -356,11 +357,11 @@ class Episode:
         if status is Status.DRIVING:
             return Output(command)
         if status is Status.ODOM_JUMP:
-            self._fail(self._motion.reason)
+            self.fail(self._motion.reason)
             return Output()
         self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
         if self._failed_motions >= self._limits.max_failed_motions:
-            self._fail(f"{self._failed_motions} motions failed: {self._motion.reason}")
+            self.fail(f"{self._failed_motions} motions failed: {self._motion.reason}")
             return Output()
         self._motion = None
         self._still_from = t

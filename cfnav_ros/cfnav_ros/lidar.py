@@ -160,7 +160,7 @@ def estimate_collision(scan: Scan, disc: SweptDisc = SweptDisc()) -> Estimate:
     """
     fault = _malformed(scan)
     if fault:
-        return _blind(fault)
+        return blind(fault)
     ranges = np.asarray(scan.ranges, np.float64)
     index, value = distinct_returns(ranges)
     index, value = index[_usable(value, scan)], value[_usable(value, scan)]
@@ -172,7 +172,7 @@ def estimate_collision(scan: Scan, disc: SweptDisc = SweptDisc()) -> Estimate:
     forward = int((np.abs(bearing) <= math.radians(disc.sector_deg)).sum())
     fault = _too_little(known, arc, forward, disc)
     if fault:
-        return _blind(fault, known)
+        return blind(fault, known)
 
     value = np.where(value == -np.inf, scan.range_min, value)
     x = disc.mount_x + value * np.cos(bearing)
@@ -258,5 +258,6 @@ def _unknown_probability(arc: float, disc: SweptDisc) -> float:
     return min(max((arc - disc.good_arc_deg) / (disc.blind_arc_deg - disc.good_arc_deg), 0.0), 1.0)
 
 
-def _blind(reason: str, known: float = 0.0) -> Estimate:
+def blind(reason: str, known: float = 0.0) -> Estimate:
+    """The estimate of who sees nothing: a collision is certain."""
     return Estimate(1.0, 0.0, Verdict.BLIND, reason, known)

@@ -21,7 +21,7 @@ UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A publisher or subscriber of a topic: the name of its node and its message type."""
+    """A subscriber of a topic: the name of its node and its message type."""
 
     node: str
     type: str
