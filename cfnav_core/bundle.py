@@ -31,6 +31,7 @@ class BundleHead:
     Attributes:
         name: of the bundle.
         method: row of ``methods.METHODS`` it was trained with.
+        feeds_prediction: whether the policy reads p_hat; it gets zero otherwise.
         goals: categories it was trained to find.
         hidden: LSTM width of the policy and of the predictor.
         files: SHA-256 of each network file.
@@ -40,6 +41,7 @@ class BundleHead:
 
     name: str
     method: str
+    feeds_prediction: bool
     goals: tuple[str, ...]
     hidden: tuple[int, int]
     files: dict[str, str]
@@ -64,9 +66,13 @@ class BundleHead:
             schema = raw.pop("schema")
             head = cls(**{**raw, "goals": tuple(raw["goals"]), "hidden": tuple(raw["hidden"])})
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-            raise BundleError(f"found no readable bundle in {folder} ({error}); {remedy}") from error
+            raise BundleError(
+                f"found no readable bundle in {folder} ({error}); {remedy}"
+            ) from error
         if schema != SCHEMA:
-            raise BundleError(f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {remedy}")
+            raise BundleError(
+                f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {remedy}"
+            )
         for name in NETWORKS:
             path = folder / name
             found = file_hash(path) if path.is_file() else "nothing"

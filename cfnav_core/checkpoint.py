@@ -46,7 +46,9 @@ def optimizer_tensors(prefix: str, optimizer: torch.optim.Optimizer) -> dict[str
     """The optimizer's state as named tensors."""
     state = optimizer.state_dict()["state"]
     return {
-        f"{prefix}.{i}.{key}": torch.as_tensor(v) for i, row in state.items() for key, v in row.items()
+        f"{prefix}.{i}.{key}": torch.as_tensor(v)
+        for i, row in state.items()
+        for key, v in row.items()
     }
 
 
@@ -91,4 +93,6 @@ def load_module(path: Path, prefix: str, module: nn.Module, tensors: dict[str, T
     try:
         module.load_state_dict(own)
     except RuntimeError as error:
-        raise CheckpointError(f"found a checkpoint of another network at {path}: {error}") from error
+        raise CheckpointError(
+            f"found a checkpoint of another network at {path}: {error}"
+        ) from error

@@ -1,13 +1,13 @@
 """Lets colcon build this package; pip uses the pyproject.toml of the repository."""
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 PACKAGE = "cfnav_core"
 
 setup(
     name=PACKAGE,
     version="0.1.0",
-    packages=[PACKAGE, f"{PACKAGE}.models"],
+    packages=[PACKAGE, *(f"{PACKAGE}.{name}" for name in find_packages())],
     package_dir={PACKAGE: "."},
     package_data={PACKAGE: ["bundles/**"]},
     data_files=[

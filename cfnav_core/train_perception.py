@@ -105,7 +105,7 @@ def report(net: PerceptionNet, pictures: Pictures) -> dict[str, object]:
         return float(2 * (hit & y[:, c]).sum() / max(1, hit.sum() + y[:, c].sum()))
 
     return {
-        "pictures": int(len(y)),
+        "pictures": len(y),
         "visible_auc_mean": float(np.mean([roc_auc_score(y[:, c], p[:, c]) for c in enough])),
         "visible_f1": f1(slice(None)),
         "visible_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in enough},

@@ -8,8 +8,8 @@ from types import TracebackType
 
 import numpy as np
 
-from cfnav_core.vocabulary import CATEGORIES
 from cfnav_core.visibility import visible
+from cfnav_core.vocabulary import CATEGORIES
 from sim_bridge.world import CAMERA_HEIGHT, Pose, World
 
 import mujoco as mj  # isort: skip
@@ -95,7 +95,7 @@ class Camera:
         return np.bincount(self._owners().ravel() + 1, minlength=len(self._category) + 1)[1:]
 
     def visible_categories(self, pose: Pose, owner_pixels: np.ndarray) -> np.ndarray:
-        """bool [C]: which categories are visible, given every object's pixels at the pose.
+        """Bool [C]: which categories are visible, given every object's pixels at the pose.
 
         Source: ``cfnav_core.visibility.visible``.
         """

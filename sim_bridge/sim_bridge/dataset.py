@@ -7,6 +7,7 @@ training perception. Rooms already in DIR are kept, so an interrupted run goes o
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -22,9 +23,10 @@ from tqdm import tqdm
 from cfnav_core.bundle import shipped_bundle
 from cfnav_core.perception import INPUT_SIZE, Perception, preprocess
 from cfnav_core.picture_set import COARSE, HEAT, PictureSet
+from cfnav_core.rooms import parse_rooms
 from cfnav_core.scene import PICTURES, OfflineScene, SceneError
 from cfnav_core.vocabulary import CATEGORIES
-from sim_bridge.room import generate_room, parse_room
+from sim_bridge.room import generate_room
 
 BATCH = 64
 
@@ -47,33 +49,32 @@ class Options:
     """Rooms rendered at the same time."""
 
 
-def parse_rooms(texts: list[str]) -> list[tuple[str, int]]:
-    """Read ``TYPE:SEED`` and ``TYPE:FIRST-LAST``.
-
-    Raises:
-        ValueError: one is neither, with what was expected.
-    """
-    rooms = []
-    for text in texts:
-        first, _, last = text.partition("-")
-        kind, seed = parse_room(first)
-        if last and not last.isdecimal():
-            parse_room(f"{kind}:{last}")
-        rooms += [(kind, s) for s in range(seed, int(last or seed) + 1)]
-    return rooms
-
-
 def room_folder(out: Path, kind: str, seed: int) -> Path:
     """Where a room's data lies."""
     return out / f"{kind}_{seed:05d}"
 
 
 def source_identity() -> str:
-    """First 16 hex digits of the SHA-256 of the program that makes rooms and pictures."""
-    files = ("parts", "textures", "furniture", "objects", "room", "meshes", "world", "camera", "grid")
+    """Identity of the program that makes rooms and pictures, comments and layout left out."""
+    files = (
+        "parts",
+        "textures",
+        "furniture",
+        "objects",
+        "room",
+        "meshes",
+        "world",
+        "camera",
+        "grid",
+    )
     digest = hashlib.sha256()
     for name in files:
-        digest.update((Path(__file__).parent / f"{name}.py").read_bytes())
+        tree = ast.parse((Path(__file__).parent / f"{name}.py").read_text())
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
+                body.pop(0)  # the docstring
+        digest.update(ast.dump(tree).encode())
     return digest.hexdigest()[:16]
 
 
@@ -126,7 +127,9 @@ def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
             pose = grid.pose(state)
             picture = camera.picture(pose)
             pictures[state] = preprocess(picture.rgb)
-            visible[state] = camera.visible_categories(pose, picture.pixels(len(world.room.objects)))
+            visible[state] = camera.visible_categories(
+                pose, picture.pixels(len(world.room.objects))
+            )
     none = np.empty((states, 0), np.float16)
     scene = OfflineScene(
         f"{kind}:{seed}", kind, "", source_identity(), none, none, grid.next_state, grid.collided,

@@ -162,7 +162,10 @@ def sofa(b: Builder, name: str = "Sofa") -> Frame | None:
         return None
     owner = b.new(name)
     if single:
-        c, texture = hsv(float(b.rng.uniform(-0.04, 0.12)), 0.75, float(b.rng.uniform(0.6, 0.9))), "stripes"
+        c, texture = (
+            hsv(float(b.rng.uniform(-0.04, 0.12)), 0.75, float(b.rng.uniform(0.6, 0.9))),
+            "stripes",
+        )
     else:
         c, texture = hsv(float(b.rng.uniform(0.45, 0.75)), float(b.rng.uniform(0.05, 0.4)),
                          float(b.rng.uniform(0.3, 0.75))), "fabric"  # fmt: skip
@@ -172,7 +175,16 @@ def sofa(b: Builder, name: str = "Sofa") -> Frame | None:
     for i in range(cushions):
         x = -inner / 2 + (i + 0.5) * inner / cushions
         half = inner / cushions / 2 - 0.008
-        b.add(owner, "box", frame, (x, d / 2 + 0.09, 0.33), (half, d / 2 - 0.11, 0.075), c, texture, 0.5)
+        b.add(
+            owner,
+            "box",
+            frame,
+            (x, d / 2 + 0.09, 0.33),
+            (half, d / 2 - 0.11, 0.075),
+            c,
+            texture,
+            0.5,
+        )
         b.add(owner, "box", frame, (x, 0.26, 0.58), (half, 0.07, 0.2), c, texture, 0.5)
     b.add(owner, "box", frame, (0, 0.1, 0.5), (w / 2, 0.1, 0.3), darker(c, 0.9), texture, 0.5)
     for x in (-w / 2 + 0.09, w / 2 - 0.09):
@@ -191,8 +203,19 @@ def bed(b: Builder) -> Frame | None:
     owner, (colour, texture) = b.new("Bed"), b.tone()
     cover = hsv(float(rng.random()), float(rng.uniform(0.1, 0.6)), float(rng.uniform(0.35, 0.9)))
     b.add(owner, "box", frame, (0, d / 2, 0.17), (w / 2, d / 2, 0.13), colour, texture, 1)
-    b.add(owner, "box", frame, (0, d / 2, 0.39), (w / 2 - 0.02, d / 2 - 0.03, 0.1), (0.9, 0.9, 0.88))
-    b.add(owner, "box", frame, (0, d * 0.64, 0.41), (w / 2 + 0.005, d * 0.35, 0.1), cover, "fabric", 0.6)
+    b.add(
+        owner, "box", frame, (0, d / 2, 0.39), (w / 2 - 0.02, d / 2 - 0.03, 0.1), (0.9, 0.9, 0.88)
+    )
+    b.add(
+        owner,
+        "box",
+        frame,
+        (0, d * 0.64, 0.41),
+        (w / 2 + 0.005, d * 0.35, 0.1),
+        cover,
+        "fabric",
+        0.6,
+    )
     b.add(owner, "box", frame, (0, 0.03, 0.52), (w / 2, 0.03, 0.45), colour, texture, 1)
     b.surfaces.append(Surface(frame.at(0, 0.06, 0.49), w, 0.5, "bed_head"))
     b.surfaces.append(Surface(frame.at(0, 0.75, 0.51), w, 1.1, "bed"))
@@ -217,7 +240,9 @@ def cabinet(
             z = 0.07 + (row + 0.5) * (height - 0.11) / drawers
             front = (width / columns / 2 - 0.012, 0.009, (height - 0.11) / drawers / 2 - 0.012)
             b.add(owner, "box", frame, (x, depth, z), front, darker(colour, 1.08), texture, 1)
-            b.add(owner, "box", frame, (x, depth + 0.015, z), (0.035, 0.008, 0.008), DARK, solid=False)
+            b.add(
+                owner, "box", frame, (x, depth + 0.015, z), (0.035, 0.008, 0.008), DARK, solid=False
+            )
     if height > 0.6 and b.chance(0.3):
         drawer(b, owner, frame.at(0, depth), height - 0.25)
     b.surfaces.append(Surface(frame.at(0, 0, height), width, depth, kind))
@@ -232,7 +257,15 @@ def wardrobe(b: Builder) -> None:
         return
     owner, (colour, _) = b.new("Wardrobe"), b.tone()
     for x in (-w / 4, w / 4):
-        b.add(owner, "box", frame, (x, 0.29, h / 2), (w / 4 - 0.004, 0.29, h / 2), colour, "panel_door")
+        b.add(
+            owner,
+            "box",
+            frame,
+            (x, 0.29, h / 2),
+            (w / 4 - 0.004, 0.29, h / 2),
+            colour,
+            "panel_door",
+        )
         b.add(owner, "box", frame, (x * 0.15, 0.59, 1.0), (0.01, 0.01, 0.08), METAL, solid=False)
     b.occupy_wall(frame, w, 0, h)
 
@@ -248,10 +281,30 @@ def fridge(b: Builder) -> None:
     ]
     h = float(b.rng.uniform(1.55, 1.85))
     split = h * float(b.rng.uniform(0.58, 0.7))
-    b.add(owner, "box", frame, (0, d / 2, split / 2), (w / 2, d / 2, split / 2 - 0.008), colour, "steel", 0.8)
-    b.add(owner, "box", frame, (0, d / 2, (h + split) / 2), (w / 2, d / 2, (h - split) / 2), colour, "steel", 0.8)
+    b.add(
+        owner,
+        "box",
+        frame,
+        (0, d / 2, split / 2),
+        (w / 2, d / 2, split / 2 - 0.008),
+        colour,
+        "steel",
+        0.8,
+    )
+    b.add(
+        owner,
+        "box",
+        frame,
+        (0, d / 2, (h + split) / 2),
+        (w / 2, d / 2, (h - split) / 2),
+        colour,
+        "steel",
+        0.8,
+    )
     for z, half in ((split - 0.24, 0.15), (split + 0.2, 0.11)):
-        b.add(owner, "box", frame, (-w / 2 + 0.07, d + 0.02, z), (0.014, 0.02, half), (0.3, 0.3, 0.32))
+        b.add(
+            owner, "box", frame, (-w / 2 + 0.07, d + 0.02, z), (0.014, 0.02, half), (0.3, 0.3, 0.32)
+        )
     b.occupy_wall(frame, w, 0, h)
 
 
@@ -315,7 +368,9 @@ def crate(b: Builder) -> None:
         b.add(owner, "box", frame, (0, size, 2 * h + 0.001), (size, 0.03, 0.002), (0.85, 0.8, 0.65))
     else:
         owner = b.new("Pouffe")
-        c = hsv(float(b.rng.random()), float(b.rng.uniform(0.1, 0.5)), float(b.rng.uniform(0.3, 0.8)))
+        c = hsv(
+            float(b.rng.random()), float(b.rng.uniform(0.1, 0.5)), float(b.rng.uniform(0.3, 0.8))
+        )
         b.add(owner, "cylinder", frame, (0, size, h), (size, size, h), c, "fabric", 0.4)
 
 
@@ -325,7 +380,29 @@ def rug(b: Builder) -> None:
     w, d = min(w, b.width - 0.6), min(d, b.depth - 0.6)
     x = float(b.rng.uniform(w / 2, b.width - w / 2))
     y = float(b.rng.uniform(d / 2, b.depth - d / 2))
-    c = hsv(float(b.rng.random()), float(b.rng.uniform(0.1, 0.55)), float(b.rng.uniform(0.35, 0.85)))
+    c = hsv(
+        float(b.rng.random()), float(b.rng.uniform(0.1, 0.55)), float(b.rng.uniform(0.35, 0.85))
+    )
     owner = b.new("Rug")
-    b.add(owner, "box", Frame(x, y), (0, 0, 0.003), (w / 2, d / 2, 0.003), darker(c, 0.7), "fabric", 0.5, solid=False)
-    b.add(owner, "box", Frame(x, y), (0, 0, 0.005), (w / 2 - 0.08, d / 2 - 0.08, 0.003), c, "carpet", 0.7, solid=False)
+    b.add(
+        owner,
+        "box",
+        Frame(x, y),
+        (0, 0, 0.003),
+        (w / 2, d / 2, 0.003),
+        darker(c, 0.7),
+        "fabric",
+        0.5,
+        solid=False,
+    )
+    b.add(
+        owner,
+        "box",
+        Frame(x, y),
+        (0, 0, 0.005),
+        (w / 2 - 0.08, d / 2 - 0.08, 0.003),
+        c,
+        "carpet",
+        0.7,
+        solid=False,
+    )

@@ -87,6 +87,7 @@ def _transitions(ahead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     p, heading, horizon = (
         a.ravel() for a in np.meshgrid(*map(np.arange, (n, HEADINGS, HORIZONS)), indexing="ij")
     )
+
     def state(p: np.ndarray, heading: np.ndarray, horizon: np.ndarray | int) -> np.ndarray:
         return (p * HEADINGS + heading) * HORIZONS + horizon
 
@@ -103,7 +104,7 @@ def _transitions(ahead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def goal_states(world: World, camera: Camera, grid: StateGrid, goal: str) -> np.ndarray:
-    """bool [S]: states that see the goal, by rendering those near enough and facing it."""
+    """Bool [S]: states that see the goal, by rendering those near enough and facing it."""
     out = np.zeros(len(grid.next_state), bool)
     boxes = np.array([o.footprint for o in world.room.objects if o.name == goal])
     x, y = grid.positions.T[:, :, None]

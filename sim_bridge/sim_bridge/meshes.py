@@ -31,7 +31,9 @@ def box(half: tuple[float, float, float], repeat: float | None) -> Mesh:
                 if repeat is not None:
                     u, v = u * 2 * half[across] / repeat, v * 2 * half[up] / repeat
                 coordinates.append((u, 1 - v))
-            outward = np.cross(vertices[start + 1] - vertices[start], vertices[start + 2] - vertices[start])
+            outward = np.cross(
+                vertices[start + 1] - vertices[start], vertices[start + 2] - vertices[start]
+            )
             order = (0, 1, 2, 0, 2, 3) if outward[normal] * side > 0 else (0, 2, 1, 0, 3, 2)
             faces += [[start + i for i in order[:3]], [start + i for i in order[3:]]]
     return np.array(vertices), np.array(coordinates), np.array(faces, np.int32)
@@ -53,7 +55,10 @@ def cylinder(half: tuple[float, float, float], repeat: float | None, sides: int 
     for z, first in ((-height, True), (height, False)):
         start = len(vertices)
         vertices += [(0.0, 0.0, z), *((x, y, z) for x, y in ring)]
-        coordinates += [(0.5, 0.5), *((0.5 + x / radius / 2, 0.5 + y / radius / 2) for x, y in ring)]
+        coordinates += [
+            (0.5, 0.5),
+            *((0.5 + x / radius / 2, 0.5 + y / radius / 2) for x, y in ring),
+        ]
         for i in range(sides):
             p, q = start + 1 + i, start + 2 + i
             faces.append((start, q, p) if first else (start, p, q))

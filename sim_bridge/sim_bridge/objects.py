@@ -262,7 +262,17 @@ def vase(b: Builder, o: int, f: Frame) -> None:
 def blinds(b: Builder, o: int, f: Frame) -> None:
     w, drop = float(b.rng.uniform(0.4, 0.6)), float(b.rng.uniform(0.35, 0.5))
     view = b.new("Window")
-    b.add(view, "box", f, (0, 0.01, 1.55), (w, 0.01, 0.52), WHITE, "window_view", solid=False, emission=0.4)
+    b.add(
+        view,
+        "box",
+        f,
+        (0, 0.01, 1.55),
+        (w, 0.01, 0.52),
+        WHITE,
+        "window_view",
+        solid=False,
+        emission=0.4,
+    )
     tint = hsv(float(b.rng.uniform(0.08, 0.14)), float(b.rng.uniform(0.0, 0.4)), 1.0)
     b.add(o, "box", f, (0, 0.035, 2.07 - drop), (w + 0.03, 0.012, drop), tint, "slats", 0.5)
     b.add(o, "box", f, (0, 0.035, 2.08), (w + 0.04, 0.03, 0.025), darker(tint, 0.75))

@@ -28,9 +28,7 @@ class Frame:
     def at(self, x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> Frame:
         """The frame whose pose in this one is (x, y, z, yaw)."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Frame(
-            self.x + c * x - s * y, self.y + s * x + c * y, self.z + z, self.yaw + yaw
-        )
+        return Frame(self.x + c * x - s * y, self.y + s * x + c * y, self.z + z, self.yaw + yaw)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfnav_core.vocabulary import CATEGORY_ID, ROOM_TYPES
+from cfnav_core.rooms import parse_room
+from cfnav_core.vocabulary import CATEGORY_ID
 from sim_bridge import furniture as fu
 from sim_bridge import objects as ob
 from sim_bridge.parts import Builder, Colour, Frame, Part, RoomObject, hsv
@@ -58,21 +59,6 @@ class Room:
         return tuple(sorted({o.name for o in self.objects if o.name in CATEGORY_ID}))
 
 
-def parse_room(text: str) -> tuple[str, int]:
-    """Read ``type:seed``.
-
-    Raises:
-        ValueError: the text is not a known type, a colon and a whole number.
-    """
-    kind, _, seed = text.partition(":")
-    if kind not in ROOM_TYPES or not seed.isdecimal():
-        raise ValueError(
-            f"found room {text!r}; expected TYPE:SEED with a type of {', '.join(ROOM_TYPES)} "
-            "and a whole number, for example kitchen:21"
-        )
-    return kind, int(seed)
-
-
 def generate_room(room_type: str, seed: int) -> Room:
     """Draw a room.
 
@@ -110,7 +96,9 @@ def _finish(rng: np.random.Generator) -> tuple[Colour, str]:
     if rng.random() < 0.65:
         h, s, v = (float(rng.uniform(*r)) for r in WOODS)
         return hsv(h, s, v), "wood"
-    return hsv(float(rng.random()), float(rng.uniform(0, 0.3)), float(rng.uniform(0.5, 0.95))), "paint"
+    return hsv(
+        float(rng.random()), float(rng.uniform(0, 0.3)), float(rng.uniform(0.5, 0.95))
+    ), "paint"
 
 
 def _light(b: Builder) -> tuple[tuple[float, float, float], Colour]:
@@ -137,7 +125,9 @@ def _shell(b: Builder) -> str:
         (-0.05, d / 2, 0.05, d / 2), (w + 0.05, d / 2, 0.05, d / 2),
     ):  # fmt: skip
         b.add(owner, "box", room, (cx, cy, h / 2), (hx, hy, h / 2), wall, paper, 1.0)
-        inset_x, inset_y = (0.0, 0.056 * np.sign(d / 2 - cy)) if hx > hy else (0.056 * np.sign(w / 2 - cx), 0.0)
+        inset_x, inset_y = (
+            (0.0, 0.056 * np.sign(d / 2 - cy)) if hx > hy else (0.056 * np.sign(w / 2 - cx), 0.0)
+        )
         b.add(owner, "box", room, (cx + inset_x, cy + inset_y, 0.05),
               (hx - 0.1 if hx > hy else 0.006, 0.006 if hx > hy else hy, 0.05), skirting,
               solid=False)  # fmt: skip
@@ -153,8 +143,19 @@ def _door(b: Builder) -> None:
         return
     owner = b.new("Door")
     colour = hsv(0.08, float(b.rng.uniform(0, 0.6)), float(b.rng.uniform(0.4, 0.95)))
-    b.add(owner, "box", frame, (0, 0.008, 1.01), (0.45, 0.008, 1.01), colour, "panel_door", solid=False)
-    b.add(owner, "box", frame, (0.37, 0.03, 1.0), (0.05, 0.012, 0.012), (0.75, 0.7, 0.5), solid=False)
+    b.add(
+        owner,
+        "box",
+        frame,
+        (0, 0.008, 1.01),
+        (0.45, 0.008, 1.01),
+        colour,
+        "panel_door",
+        solid=False,
+    )
+    b.add(
+        owner, "box", frame, (0.37, 0.03, 1.0), (0.05, 0.012, 0.012), (0.75, 0.7, 0.5), solid=False
+    )
 
 
 def _window(b: Builder) -> None:
@@ -176,7 +177,7 @@ def _floor_picture(b: Builder, pattern: Texture) -> Texture:
         float(b.rng.uniform(0.05, 0.5)), float(b.rng.uniform(0.5, 1.0)),
     )  # fmt: skip
     image = pattern[index[:, None], index[None]] / 255.0 * np.asarray(tint)
-    h, w = math.ceil(b.depth * scale), math.ceil(b.width * scale)
+    h, w = (min(n, math.ceil(side * scale)) for side in (b.depth, b.width))
     light = np.ones((h, w))
     for part in b.parts:
         z_low = part.centre[2] - part.half[2]
@@ -224,7 +225,12 @@ def _kitchen(b: Builder) -> None:
         fu.bookshelf(b)
     ob.put(b, "Sink", ("counter",))
     _draw(b, ob.put, {"Pan": 0.85, "Pot": 0.85, "Kettle": 0.5}, "stove")
-    _draw(b, ob.put, {"Microwave": 0.85, "CoffeeMachine": 0.9, "Toaster": 0.9, "Kettle": 0.35}, "counter")
+    _draw(
+        b,
+        ob.put,
+        {"Microwave": 0.85, "CoffeeMachine": 0.9, "Toaster": 0.9, "Kettle": 0.35},
+        "counter",
+    )
     _draw(b, ob.put, {"Bread": 0.9, "Mug": 0.9, "Apple": 0.9, "Spatula": 0.85, "Bowl": 0.7, "Plate": 0.7,
                       "CellPhone": 0.2, "Book": 0.2, "Vase": 0.15}, "counter", "table")  # fmt: skip
     _draw(b, ob.put, {"Laptop": 0.2, "HousePlant": 0.25, "Mug": 0.2, "Bowl": 0.2}, "table")
@@ -235,7 +241,9 @@ def _kitchen(b: Builder) -> None:
 def _living_room(b: Builder) -> None:
     fu.sofa(b)
     fu.sofa(b, "ArmChair")
-    if fu.cabinet(b, float(b.rng.uniform(1.2, 1.7)), 0.45, float(b.rng.uniform(0.45, 0.6)), "tv_stand"):
+    if fu.cabinet(
+        b, float(b.rng.uniform(1.2, 1.7)), 0.45, float(b.rng.uniform(0.45, 0.6)), "tv_stand"
+    ):
         ob.put(b, "Television", ("tv_stand",))
     fu.table(b, "low_table")
     if b.chance(0.5):
@@ -287,7 +295,12 @@ def _bathroom(b: Builder) -> None:
     if b.chance(0.3):
         fu.stool(b)
     tops = ("counter", "side")
-    _draw(b, ob.put, {"SoapBar": 0.95, "SprayBottle": 0.9, "ToiletPaper": 0.95, "HousePlant": 0.2, "Vase": 0.1}, *tops)
+    _draw(
+        b,
+        ob.put,
+        {"SoapBar": 0.95, "SprayBottle": 0.9, "ToiletPaper": 0.95, "HousePlant": 0.2, "Vase": 0.1},
+        *tops,
+    )
     _draw(b, ob.put, {"SprayBottle": 0.25, "SoapBar": 0.2}, *tops)
     _draw(b, ob.stand, {"GarbageCan": 0.85, "HousePlant": 0.15})
     _draw(b, ob.hang, {"Mirror": 0.95, "Towel": 0.95, "LightSwitch": 0.75, "Painting": 0.1})

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_bridge import gl  # noqa: F401  (chooses the back end before mujoco is imported)
+
 import mujoco as mj  # isort: skip
 
 from sim_bridge.meshes import MESHES
+from sim_bridge.parts import Part
 from sim_bridge.room import Room
 
 HULL_RADIUS = 0.175
@@ -40,7 +42,7 @@ _GEOM = {
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the robot is: x, y (m), yaw (rad, counter-clockwise), camera tilt (rad, up positive)."""
+    """Where the robot is: x, y (m), yaw (rad, counter-clockwise), tilt (rad, up positive)."""
 
     x: float
     y: float
@@ -113,7 +115,9 @@ class World:
         """One physics step of ``timestep`` seconds towards these targets.
 
         Args:
-            v: forward speed, m/s. w: turn rate, rad/s. tilt: camera tilt, rad, up positive.
+            v: forward speed, m/s.
+            w: turn rate, rad/s.
+            tilt: camera tilt, rad, up positive.
         """
         yaw = self.data.qpos[2] + 0.5 * w * self.timestep
         self.data.ctrl[:3] = (v * math.cos(yaw), v * math.sin(yaw), w)
@@ -127,7 +131,9 @@ class World:
         x, y, yaw = self.data.qpos[:3]
         speed = float(np.hypot(*self.data.qvel[:2]))
         for c in self.data.contact[: self.data.ncon]:
-            robot, other = (c.geom1, c.geom2) if c.geom1 in (self._hull, self._mast) else (c.geom2, c.geom1)
+            robot, other = (
+                (c.geom1, c.geom2) if c.geom1 in (self._hull, self._mast) else (c.geom2, c.geom1)
+            )
             bearing = math.remainder(math.atan2(c.pos[1] - y, c.pos[0] - x) - yaw, math.tau)
             name = self.room.objects[self.geom_owner[other]].name
             found.append(Contact("hull" if robot == self._hull else "mast", name, bearing, speed))
@@ -147,7 +153,9 @@ class World:
         # both ends first: most blocked moves end inside something
         for k in (steps, *range(steps)):
             f = k / steps
-            if not self.free(start[0] + f * (end[0] - start[0]), start[1] + f * (end[1] - start[1])):
+            if not self.free(
+                start[0] + f * (end[0] - start[0]), start[1] + f * (end[1] - start[1])
+            ):
                 return False
         return True
 
@@ -263,7 +271,7 @@ def _settings(spec: mj.MjSpec, room: Room) -> None:
         )  # fmt: skip
 
 
-def _material(spec: mj.MjSpec, known: dict, part) -> str:
+def _material(spec: mj.MjSpec, known: dict[tuple, str], part: Part) -> str:
     key = (part.texture, part.colour, part.emission)
     if key not in known:
         known[key] = f"material{len(known)}"
@@ -278,7 +286,7 @@ def _material(spec: mj.MjSpec, known: dict, part) -> str:
     return known[key]
 
 
-def _mesh(spec: mj.MjSpec, known: dict, part) -> str:
+def _mesh(spec: mj.MjSpec, known: dict[tuple, str], part: Part) -> str:
     key = (part.shape, part.half, part.repeat)
     if key not in known:
         known[key] = f"mesh{len(known)}"
@@ -293,7 +301,11 @@ def _mesh(spec: mj.MjSpec, known: dict, part) -> str:
 def _robot(spec: mj.MjSpec) -> None:
     """Hull and mast on x, y and yaw joints with velocity actuators."""
     base = spec.worldbody.add_body(name="base")
-    joints = (("x", (1, 0, 0), False, 400.0), ("y", (0, 1, 0), False, 400.0), ("yaw", (0, 0, 1), True, 40.0))
+    joints = (
+        ("x", (1, 0, 0), False, 400.0),
+        ("y", (0, 1, 0), False, 400.0),
+        ("yaw", (0, 0, 1), True, 40.0),
+    )
     for name, axis, hinge, gain in joints:
         kind = mj.mjtJoint.mjJNT_HINGE if hinge else mj.mjtJoint.mjJNT_SLIDE
         base.add_joint(name=name, type=kind, axis=axis)
@@ -302,7 +314,11 @@ def _robot(spec: mj.MjSpec) -> None:
     shape = {"type": mj.mjtGeom.mjGEOM_CYLINDER, "group": ROBOT, "contype": 2, "conaffinity": 1,
              "friction": (0.1, 0.005, 0.0001)}  # fmt: skip
     half = (HULL_TOP - HULL_BOTTOM) / 2
-    base.add_geom(name="hull", size=(HULL_RADIUS, half, 0), pos=(0, 0, HULL_BOTTOM + half), mass=3.9, **shape)
+    base.add_geom(
+        name="hull", size=(HULL_RADIUS, half, 0), pos=(0, 0, HULL_BOTTOM + half), mass=3.9, **shape
+    )
     half = (MAST_TOP - HULL_TOP) / 2
-    base.add_geom(name="mast", size=(MAST_RADIUS, half, 0), pos=(0, 0, HULL_TOP + half), mass=0.6, **shape)
+    base.add_geom(
+        name="mast", size=(MAST_RADIUS, half, 0), pos=(0, 0, HULL_TOP + half), mass=0.6, **shape
+    )
     base.add_camera(name="rgb", fovy=90, pos=(0, 0, CAMERA_HEIGHT))

@@ -1,0 +1,189 @@
+"""Algorithm 1 in the printed order, for B synchronous episodes instead of asynchronous workers.
+
+Departures, each also a row in ARCHITECTURE.md: episodes have a step limit and a cut one is
+bootstrapped with V (the paper's have none); advantages are lambda-returns; L_c is a mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.collision_predictor import CollisionPredictor, collision_loss
+from cfnav_core.config import Hyperparameters
+from cfnav_core.env import ObjectNavEnv
+from cfnav_core.methods import Stage
+from cfnav_core.models import NavModel
+from cfnav_core.reward import nav_reward, total_reward
+from cfnav_core.vocabulary import CATEGORIES
+
+
+@dataclass
+class Memory:
+    """What an episode carries from step to step, all float32.
+
+    Attributes:
+        h, c: [B, H] of the policy. predictor: [B, 4, H'].
+        previous_action: [B, 6] one-hot, zeros at the start of an episode.
+    """
+
+    h: Tensor
+    c: Tensor
+    predictor: Tensor
+    previous_action: Tensor
+
+    @classmethod
+    def zeros(cls, batch: int, model: NavModel, predictor: CollisionPredictor) -> Memory:
+        """At the start of B episodes."""
+        return cls(
+            torch.zeros(batch, model.hidden), torch.zeros(batch, model.hidden),
+            torch.zeros(batch, 4, predictor.hidden), torch.zeros(batch, NUM_ACTIONS),
+        )  # fmt: skip
+
+    def detach(self) -> None:
+        """Cut the gradient at a rollout's border."""
+        self.h, self.c, self.predictor = self.h.detach(), self.c.detach(), self.predictor.detach()
+
+    def forget(self, ended: Tensor) -> None:
+        """Zero the rows of episodes that ended (bool [B])."""
+        keep = (~ended).float()[:, None]
+        self.h, self.c = self.h * keep, self.c * keep
+        self.predictor = self.predictor * keep[:, :, None]
+        self.previous_action = self.previous_action * keep
+
+
+@dataclass
+class Rollout:
+    """T steps of B episodes; lists of [B] tensors, ``bootstrap`` is V of the state after them."""
+
+    log_probability: list[Tensor]
+    entropy: list[Tensor]
+    value: list[Tensor]
+    reward: list[Tensor]
+    next_value_if_cut: list[Tensor]
+    ended: list[Tensor]
+    collision_logit: list[Tensor]
+    collided: list[Tensor]
+    moved_ahead: list[Tensor]
+    bootstrap: Tensor
+    episodes: int
+    successes: int
+    collision_free: int
+    collisions: int
+
+
+def collect_rollout(
+    env: ObjectNavEnv, model: NavModel, predictor: CollisionPredictor, memory: Memory,
+    stage: Stage, length: int, generator: torch.Generator,
+) -> Rollout:  # fmt: skip
+    """The inner loop of Algorithm 1: act for ``length`` steps in every episode."""
+    r = Rollout([], [], [], [], [], [], [], [], [], torch.empty(0), 0, 0, 0, 0)
+    for _ in range(length):
+        features, detections = env.observe()  # Alg. 1: acquire image I_t
+        goal = F.one_hot(env.goal, len(CATEGORIES)).float()
+        p_hat = torch.zeros(env.batch, 1)
+        if stage.train_predictor or stage.feed_prediction:  # Alg. 1: predict collision p_hat_t
+            with torch.set_grad_enabled(stage.train_predictor):
+                logit, memory.predictor = predictor(
+                    features, memory.previous_action, memory.predictor
+                )
+            r.collision_logit.append(logit[:, 0])
+            if stage.feed_prediction:  # Alg. 1: O_t <- (I_t, g, p_hat_t), else (I_t, g, 0)
+                p_hat = torch.sigmoid(logit).detach()
+        logits, value, memory.h, memory.c = model(
+            features, detections, goal, memory.previous_action, p_hat, memory.h, memory.c
+        )
+        log_pi = torch.log_softmax(logits, 1)
+        pi = log_pi.exp()
+        action = torch.multinomial(pi.detach(), 1, generator=generator)  # Alg. 1: execute a_t
+        outcome = env.step(action[:, 0])  # Alg. 1: observe p_t and r_t (Eq. 4)
+        reward = total_reward(
+            nav_reward(outcome.success), outcome.collided, stage.collision_penalty
+        )
+        memory.previous_action = F.one_hot(action[:, 0], NUM_ACTIONS).float()
+        ended = outcome.terminated | outcome.truncated
+        r.log_probability.append(log_pi.gather(1, action)[:, 0])
+        r.entropy.append(-(pi * log_pi).sum(1))
+        r.value.append(value[:, 0])
+        r.reward.append(reward)
+        r.ended.append(ended)
+        r.next_value_if_cut.append(_value_where(outcome.truncated, env, model, memory, p_hat))
+        r.collided.append(outcome.collided)
+        r.moved_ahead.append(action[:, 0] == Action.MoveAhead)
+        r.episodes += int(ended.sum())
+        r.successes += int(outcome.success.sum())
+        r.collision_free += int((outcome.success & (env.collisions == 0)).sum())
+        r.collisions += int(env.collisions[ended].sum())
+        env.restart(ended)
+        memory.forget(ended)
+    everywhere = torch.ones(env.batch, dtype=torch.bool)
+    r.bootstrap = _value_where(everywhere, env, model, memory, p_hat)
+    return r
+
+
+@torch.no_grad()
+def _value_where(
+    where: Tensor, env: ObjectNavEnv, model: NavModel, memory: Memory, p_hat: Tensor
+) -> Tensor:
+    """V of the present states where asked for (bool [B]), 0 elsewhere; advances no memory.
+
+    The last p_hat stands in for the next one, so that the predictor advances once per real step.
+    """
+    out = torch.zeros(env.batch)
+    if where.any():
+        features, detections = env.observe()
+        goal = F.one_hot(env.goal, len(CATEGORIES)).float()
+        value = model(
+            features[where], detections[where], goal[where], memory.previous_action[where],
+            p_hat[where], memory.h[where], memory.c[where],
+        )[1]  # fmt: skip
+        out[where] = value[:, 0]
+    return out
+
+
+def compute_returns(r: Rollout, gamma: float, gae_lambda: float) -> tuple[Tensor, Tensor]:
+    """Returns R and advantages delta, float32 [T, B] each, without gradient.
+
+    Alg. 1: R <- 0 if a_t = Done else V; R <- r_i + gamma R; delta <- R - V(O_i). With
+    ``gae_lambda`` below 1 the advantages are the usual exponential average of such deltas.
+    """
+    values = torch.stack(r.value).detach()
+    advantages = torch.empty_like(values)
+    following, advantage = r.bootstrap, torch.zeros_like(r.bootstrap)
+    for t in reversed(range(len(r.reward))):
+        going = (~r.ended[t]).float()
+        # an ended step leads to 0 (Done) or to V of the state it was cut in
+        next_value = going * following + r.next_value_if_cut[t]
+        delta = r.reward[t] + gamma * next_value - values[t]
+        advantage = delta + gamma * gae_lambda * going * advantage
+        advantages[t] = advantage
+        following = values[t]
+    return advantages + values, advantages
+
+
+def losses(
+    r: Rollout, stage: Stage, hp: Hyperparameters
+) -> tuple[Tensor, Tensor | None, dict[str, float]]:
+    """The policy's loss, the predictor's loss (None when frozen or absent), and figures to log."""
+    returns, advantages = compute_returns(r, hp.gamma, hp.gae_lambda)
+    policy = -(torch.stack(r.log_probability) * advantages).mean()
+    value = F.mse_loss(torch.stack(r.value), returns)
+    entropy = torch.stack(r.entropy).mean()
+    loss = policy + hp.value_weight * value - hp.entropy_weight * entropy
+    figures = {"policy_loss": policy.item(), "value_loss": value.item(), "entropy": entropy.item()}
+    collision = None
+    if stage.train_predictor:  # Alg. 1: if E < E_1 and a_i = MoveAhead
+        flat = (torch.cat(x) for x in (r.collision_logit, r.collided, r.moved_ahead))
+        collision = collision_loss(*flat)
+        figures["collision_loss"] = collision.item()
+    return loss, collision, figures
+
+
+def episode_seed(seed: int, stream: int) -> np.random.Generator:
+    """Independent random streams of one run."""
+    return np.random.default_rng([seed, stream])

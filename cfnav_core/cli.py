@@ -1,0 +1,146 @@
+"""The ``cfnav`` command: train, export, evaluate, compare."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.evaluate import evaluate_bundle, paired_difference, write_json
+from cfnav_core.rooms import parse_rooms
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Run a bundle on frozen episodes over offline scenes."""
+
+    bundle: Annotated[Path, tyro.conf.Positional]
+    """Folder of the bundle."""
+    scenes: Path
+    """Folder of scenes made with the bundle's perception."""
+    episodes: int = 1000
+    """Number of episodes."""
+    seed: int = 0
+    """Draws starts and goals."""
+    rooms: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """TYPE:SEED or TYPE:FIRST-LAST; every scene of the folder when absent."""
+    sample: bool = False
+    """Sample actions instead of taking the most probable one."""
+    p_hat: Literal["own", "true", "zero"] = "own"
+    """Collision probability: the bundle's prediction, the true flag, or zero."""
+    against: Path | None = None
+    """A second bundle on the same episodes: adds the paired difference."""
+    json: Path | None = None
+    """Also write every figure here."""
+
+    def run(self) -> None:
+        """Evaluate and print."""
+        rooms = parse_rooms(self.rooms) or None
+        arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, rooms)
+        first = evaluate_bundle(self.bundle, *arguments)
+        content: dict[str, Any] = {"bundle": str(self.bundle), **first.summary()}
+        _print(self.bundle, content)
+        if self.against is not None:
+            second = evaluate_bundle(self.against, *arguments)
+            _print(self.against, second.summary())
+            content |= {"against": {"bundle": str(self.against), **second.summary()}}
+            content |= {"paired": paired_difference(first, second)}
+            low, high = content["paired"]["interval"]
+            print(
+                f"CF-SR difference {content['paired']['cf_sr_difference']:+.3f} [{low:+.3f}, {high:+.3f}]"
+            )
+        if self.json is not None:
+            write_json(self.json, content)
+
+
+@dataclass(frozen=True)
+class Export:
+    """Turn a checkpoint into a bundle for the robot."""
+
+    checkpoint: Annotated[Path, tyro.conf.Positional]
+    """best.safetensors of a run."""
+    perception: Path
+    """perception.onnx the scenes of the run were made with."""
+    out: Path
+    """Folder of the bundle."""
+    name: str = "cfnav"
+    """Name of the bundle."""
+    metrics: Path | None = None
+    """JSON of cfnav evaluate, kept in bundle.json."""
+
+    def run(self) -> None:
+        """Export."""
+        from cfnav_core.export import export_bundle
+
+        metrics = json.loads(self.metrics.read_text()) if self.metrics else None
+        export_bundle(self.checkpoint, self.perception, self.out, self.name, metrics)
+        size = sum(f.stat().st_size for f in self.out.iterdir())
+        print(f"wrote {self.out} ({size / 1e6:.1f} MB)")
+
+
+@dataclass(frozen=True)
+class Info:
+    """Show what a bundle is."""
+
+    bundle: Annotated[Path | None, tyro.conf.Positional] = None
+    """Folder of the bundle; the shipped one when absent."""
+
+    def run(self) -> None:
+        """Print the bundle's head."""
+        head = BundleHead.load(self.bundle or shipped_bundle())
+        print(json.dumps(head.__dict__, indent=1))
+
+
+def _print(bundle: Path, f: dict[str, Any]) -> None:
+    low, high = f["cf_sr_interval"]
+    print(
+        f"{bundle}: {f['episodes']} episodes  SR {f['sr']:.3f}  SPL {f['spl']:.3f}  "
+        f"CF-SR {f['cf_sr']:.3f} [{low:.3f}, {high:.3f}]  CF-SPL {f['cf_spl']:.3f}  "
+        f"collisions {f['collisions_per_episode']:.2f}"
+    )
+
+
+def _train(argv: list[str]) -> None:
+    from cfnav_core.train import TrainOptions, train
+
+    options = tyro.cli(TrainOptions, prog="cfnav train", args=argv)
+    best = train(options, parse_rooms(options.train_rooms), parse_rooms(options.validation_rooms))
+    print(f"best checkpoint by validation: {best}")
+
+
+def main() -> None:
+    """Entry point: exit 2 with one sentence on bad input."""
+    commands = {"evaluate": Evaluate, "export": Export, "info": Info}
+    try:
+        # train needs torch, which a robot does not have: it is read apart
+        if sys.argv[1:2] == ["train"]:
+            _train(sys.argv[2:])
+            return
+        tyro.extras.subcommand_cli_from_dict(
+            {**{k: _runner(v) for k, v in commands.items()}, "train": _train_help}, prog="cfnav"
+        )
+    except ValueError as error:
+        print(f"cfnav: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _runner(command: type) -> Any:
+    def run(options: Any) -> None:
+        options.run()
+
+    run.__doc__ = command.__doc__
+    run.__annotations__ = {"options": tyro.conf.OmitArgPrefixes[command], "return": None}
+    return run
+
+
+def _train_help() -> None:
+    """Train a navigation policy (needs torch); see cfnav train --help."""
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""Frozen episodes over offline scenes, and the figures of a policy on them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfnav_core import metrics
+from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.bundle import BundleHead
+from cfnav_core.env import SceneBank
+from cfnav_core.metrics import EpisodeResult, bootstrap_interval
+from cfnav_core.networks import AgentState, Networks, OnnxNetworks
+from cfnav_core.perception import Perception
+from cfnav_core.scene import SceneError
+from cfnav_core.vocabulary import CATEGORIES
+
+LONG_EPISODE = 5
+"""Fewest actions (Done included) of the "length 5 or more" subset of the lineage."""
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Starts and goals, in the order of ``SceneBank``.
+
+    Attributes:
+        states: int64 [N]. goals: int64 [N].
+    """
+
+    states: np.ndarray
+    goals: np.ndarray
+
+    @classmethod
+    def draw(cls, bank: SceneBank, count: int, seed: int) -> Episodes:
+        """Draw episodes, rooms and goals uniform, from a seed alone."""
+        return cls(*bank.sample(np.random.default_rng(seed), count))
+
+    def identity(self, bank: SceneBank) -> str:
+        """First 16 hex digits of a SHA-256 over scene names, starts and goals."""
+        text = json.dumps([bank.names, self.states.tolist(), self.goals.tolist()])
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def run_episodes(
+    networks: Networks, bank: SceneBank, episodes: Episodes, sample_seed: int | None = None,
+    p_hat: str = "own",
+) -> list[EpisodeResult]:  # fmt: skip
+    """Run all episodes side by side.
+
+    Args:
+        sample_seed: draw actions with this seed; argmax when None.
+        p_hat: "own" prediction, "true" collision flag, or "zero".
+
+    Returns:
+        Results with lengths in actions, Done included.
+    """
+    n = len(episodes.states)
+    state = AgentState.zeros(n, networks.hidden)
+    where, goals = episodes.states.copy(), np.eye(len(CATEGORIES), dtype=np.float32)[episodes.goals]
+    alive, success = np.ones(n, bool), np.zeros(n, bool)
+    steps, collisions = np.zeros(n, int), np.zeros(n, int)
+    limit = bank.step_limit[where]
+    rng = np.random.default_rng(sample_seed)
+    for _ in range(int(limit.max())):
+        at = where[alive]
+        given = {"own": None, "zero": np.zeros(len(at), np.float32),
+                 "true": bank.collided[at].astype(np.float32)}[p_hat]  # fmt: skip
+        now = _rows(state, alive)
+        pi, _ = networks.step(
+            bank.features[at].astype(np.float32), bank.detections[at].astype(np.float32),
+            goals[alive], now, given,
+        )  # fmt: skip
+        action = pi.argmax(1)
+        if sample_seed is not None:
+            action = (pi.cumsum(1) < rng.random((len(pi), 1))).sum(1).clip(max=NUM_ACTIONS - 1)
+        now.previous_action = np.eye(NUM_ACTIONS, dtype=np.float32)[action]
+        _put_rows(state, alive, now)
+        done = action == Action.Done
+        steps[alive] += 1
+        collisions[alive] += (action == Action.MoveAhead) & bank.collided[at]
+        success[alive] = done & bank.visible[at, episodes.goals[alive]]
+        where[alive] = bank.next_state[at, action]
+        alive[alive] = ~done
+        alive &= steps < limit
+        if not alive.any():
+            break
+    shortest = bank.actions_to[episodes.states, episodes.goals] + 1
+    return [
+        EpisodeResult(bool(s), int(c), float(d), float(best))
+        for s, c, d, best in zip(success, collisions, steps, shortest, strict=True)
+    ]
+
+
+def _rows(state: AgentState, alive: np.ndarray) -> AgentState:
+    return AgentState(*(v[alive] for v in vars(state).values()))
+
+
+def _put_rows(state: AgentState, alive: np.ndarray, rows: AgentState) -> None:
+    for key, value in vars(rows).items():
+        getattr(state, key)[alive] = value
+
+
+def figures(results: list[EpisodeResult], rooms: np.ndarray) -> dict[str, Any]:
+    """SR, SPL, CF-SR, CF-SPL, collisions an episode, and the 95 % interval of CF-SR over rooms."""
+    return {
+        "episodes": len(results),
+        "sr": metrics.sr(results), "spl": metrics.spl(results),
+        "cf_sr": metrics.cf_sr(results), "cf_spl": metrics.cf_spl(results),
+        "cf_sr_interval": bootstrap_interval(np.array([r.cf_success for r in results]), rooms),
+        "collisions_per_episode": float(np.mean([r.collisions for r in results])),
+        "steps_per_episode": float(np.mean([r.path_length for r in results])),
+    }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Results of one bundle on one set of frozen episodes."""
+
+    bank: SceneBank
+    episodes: Episodes
+    results: list[EpisodeResult]
+
+    @property
+    def rooms(self) -> np.ndarray:
+        """int64 [N], the scene of each episode."""
+        first = np.array([t.starts[0] for t in self.bank.tasks])
+        scene = np.array([t.scene for t in self.bank.tasks])
+        order = np.argsort(first)
+        sizes = np.searchsorted(first[order], self.episodes.states, "right") - 1
+        return scene[order][np.maximum(sizes, 0)]
+
+    def summary(self) -> dict[str, Any]:
+        """All figures: overall, the long episodes, and CF-SR by goal and by room type."""
+        rooms = self.rooms
+        long = [i for i, r in enumerate(self.results) if r.shortest_path_length >= LONG_EPISODE]
+        by_goal = {
+            CATEGORIES[g]: _cf_sr_of(self.results, self.episodes.goals == g)
+            for g in np.unique(self.episodes.goals)
+        }
+        kinds = np.array([self.bank.names[r].split(":")[0] for r in rooms])
+        return {
+            **figures(self.results, rooms),
+            "long": figures([self.results[i] for i in long], rooms[long]) if long else None,
+            "cf_sr_by_room_type": {
+                k: _cf_sr_of(self.results, kinds == k) for k in np.unique(kinds)
+            },
+            "cf_sr_by_goal": by_goal,
+            "episodes_identity": self.episodes.identity(self.bank),
+            "scenes": self.bank.names,
+        }
+
+
+def _cf_sr_of(results: list[EpisodeResult], chosen: np.ndarray) -> dict[str, float]:
+    values = [r.cf_success for r, c in zip(results, chosen, strict=True) if c]
+    return {"cf_sr": round(float(np.mean(values)), 4), "episodes": len(values)}
+
+
+def evaluate_bundle(
+    bundle: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
+    p_hat: str = "own", rooms: list[tuple[str, int]] | None = None,
+) -> Evaluation:  # fmt: skip
+    """Run a bundle on frozen episodes.
+
+    Raises:
+        BundleError: the bundle cannot be used.
+        SceneError: the scenes cannot be used, or were made with another perception.
+    """
+    head = BundleHead.load(bundle)
+    bank = SceneBank.load(scenes, rooms)
+    identity = Perception(bundle / "perception.onnx").identity
+    if bank.perception != identity:
+        raise SceneError(
+            f"found scenes in {scenes} made with perception {bank.perception}, but {bundle} has "
+            f"{identity}; make them with python -m sim_bridge.dataset --perception "
+            f"{bundle}/perception.onnx"
+        )
+    drawn = Episodes.draw(bank, episodes, seed)
+    results = run_episodes(OnnxNetworks(bundle, head), bank, drawn, seed if sample else None, p_hat)
+    return Evaluation(bank, drawn, results)
+
+
+def paired_difference(a: Evaluation, b: Evaluation) -> dict[str, Any]:
+    """CF-SR of ``a`` minus ``b`` on the same episodes, with its 95 % interval over rooms.
+
+    Raises:
+        ValueError: the episodes differ.
+    """
+    if a.episodes.identity(a.bank) != b.episodes.identity(b.bank):
+        raise ValueError("found two evaluations of different episodes, expected the same")
+    pairs = zip(a.results, b.results, strict=True)
+    difference = np.array([int(x.cf_success) - int(y.cf_success) for x, y in pairs])
+    return {
+        "cf_sr_difference": float(difference.mean()),
+        "interval": bootstrap_interval(difference, a.rooms),
+    }
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write figures, making the folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content, indent=1, default=asdict) + "\n")
