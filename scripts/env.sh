@@ -5,7 +5,7 @@
 
 _cfnav_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
-if [ ! -s "$_cfnav_root/.venv/cfnav/ros" ] || [ ! -f "$_cfnav_root/ros_ws/install/local_setup.bash" ]; then
+if [ ! -f "$_cfnav_root/.venv/cfnav/workspace.stamp" ] || [ ! -f "$_cfnav_root/ros_ws/install/local_setup.bash" ]; then
   echo "cfnav is not set up in $_cfnav_root: run 'make setup' there first." >&2
   return 1
 fi
