@@ -50,7 +50,7 @@ def check_base(
     other_publishers: Sequence[str],
     cmd_vel_type: str = "auto",
     allow_robot: bool = False,
-    friends: Sequence[str] = (),
+    other_publishers_allowed: Sequence[str] = (),
 ) -> BaseCheck:
     """Decide whether and with which message type to drive.
 
@@ -60,12 +60,12 @@ def check_base(
         other_publishers: names of other nodes that publish on it.
         cmd_vel_type: auto, stamped or unstamped.
         allow_robot: whether anything but the mock may be driven.
-        friends: nodes that may publish beside us (a teleoperation under a deadman button).
+        other_publishers_allowed: nodes that may publish beside us (a teleoperation under a deadman button).
 
     Returns:
         The message type, or one sentence why not (yet).
     """
-    rivals = sorted(set(other_publishers) - set(friends))
+    rivals = sorted(set(other_publishers) - set(other_publishers_allowed))
     if rivals:
         return BaseCheck(
             fault=f"{', '.join(rivals)} also publishes on {topic}: stop it, one node must drive."

@@ -1,0 +1,173 @@
+"""Messages to numpy and back: every encoding, padded rows, wrong data."""
+
+import math
+from array import array
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.ros
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
+
+from builtin_interfaces.msg import Time  # noqa: E402
+from cfnav_ros.inputs import StampedEstimate  # noqa: E402
+from cfnav_ros.lidar import Estimate, Verdict  # noqa: E402
+from cfnav_ros.motion import Command  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
+from sensor_msgs.msg import Image, JointState, LaserScan  # noqa: E402
+
+from cfnav_ros import conversions  # noqa: E402
+
+STAMP = Time(sec=1_700_000_000, nanosec=123_456_789)
+
+
+@pytest.fixture
+def rgb():
+    return np.random.default_rng(0).integers(0, 256, (5, 7, 3), np.uint8)
+
+
+def over_the_wire(message):
+    """What a subscriber in another process gets."""
+    return deserialize_message(serialize_message(message), type(message))
+
+
+def encoded(rgb, encoding, padding=0):
+    """The picture as a driver sends it."""
+    alpha = np.full((*rgb.shape[:2], 1), 9, np.uint8)
+    pixels = {
+        "rgb8": rgb,
+        "bgr8": rgb[:, :, ::-1],
+        "rgba8": np.concatenate([rgb, alpha], 2),
+        "bgra8": np.concatenate([rgb[:, :, ::-1], alpha], 2),
+        "mono8": rgb[:, :, :1],
+    }[encoding]
+    rows = pixels.reshape(rgb.shape[0], -1)
+    rows = np.concatenate([rows, np.full((len(rows), padding), 77, np.uint8)], 1)
+    message = Image(height=rgb.shape[0], width=rgb.shape[1], encoding=encoding)
+    message.step, message.is_bigendian = rows.shape[1], 1
+    message.data = array("B", rows.tobytes())
+    return message
+
+
+@pytest.mark.parametrize("padding", [0, 3])
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8"])
+def test_colours_arrive_whatever_the_encoding(rgb, encoding, padding):
+    got = conversions.image_to_rgb(over_the_wire(encoded(rgb, encoding, padding)))
+    assert got.dtype == np.uint8
+    assert np.array_equal(got, rgb)
+
+
+def test_grey_becomes_three_equal_channels(rgb):
+    got = conversions.image_to_rgb(encoded(rgb, "mono8", padding=1))
+    assert np.array_equal(got, np.repeat(rgb[:, :, :1], 3, axis=2))
+
+
+def test_a_picture_survives_both_ways(rgb):
+    message = conversions.rgb_to_image(rgb[:, ::-1], STAMP, "camera")
+    assert isinstance(message.data, array)
+    got = conversions.image_to_rgb(over_the_wire(message))
+    assert np.array_equal(got, rgb[:, ::-1])
+    assert (message.header.stamp, message.header.frame_id) == (STAMP, "camera")
+
+
+def change(message, **fields):
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"encoding": "yuv422"}, "encoded as 'yuv422', expected one of rgb8, bgr8"),
+        ({"encoding": "16UC1"}, "encoded as '16UC1'"),
+        ({"data": array("B", bytes(20))}, "holds 20 bytes, expected 105 for 5 rows of 21"),
+        ({"step": 20}, "step is 20 bytes, expected at least 21"),
+        ({"height": 0}, "is 7x0, expected 1 to"),
+        ({"height": 100_000, "width": 100_000}, "is 100000x100000"),
+    ],
+)
+def test_a_picture_that_cannot_be_read_gives_one_sentence(rgb, fields, sentence):
+    with pytest.raises(ValueError, match=sentence) as caught:
+        conversions.image_to_rgb(change(encoded(rgb, "rgb8"), **fields))
+    assert "\n" not in str(caught.value)
+
+
+def test_stamps_keep_their_nanoseconds():
+    ns = conversions.stamp_to_ns(STAMP)
+    assert ns == 1_700_000_000_123_456_789
+    assert conversions.ns_to_stamp(ns) == STAMP
+    assert conversions.stamp_to_seconds(STAMP) == pytest.approx(1_700_000_000.123457, abs=1e-6)
+
+
+def test_a_scan_keeps_its_infinities():
+    message = LaserScan(angle_min=-1.0, angle_max=1.0, angle_increment=1.0, range_max=12.0)
+    message.ranges = [1.0, math.inf, math.nan]
+    scan = conversions.scan_from_message(over_the_wire(message))
+    assert scan.ranges.dtype == np.float32
+    assert np.array_equal(scan.ranges, np.array([1, np.inf, np.nan], np.float32), equal_nan=True)
+    assert (scan.angle_min, scan.angle_max, scan.range_max) == (-1.0, 1.0, 12.0)
+    assert conversions.scan_from_message(LaserScan()).ranges.size == 0
+
+
+def odometry(yaw=0.0, **fields):
+    message = Odometry()
+    message.header.stamp = STAMP
+    pose = message.pose.pose
+    pose.position.x, pose.position.y = 1.0, 2.0
+    pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    message.twist.twist.linear.x, message.twist.twist.angular.z = 0.2, -0.1
+    return change(message, **fields)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -3.0, 3.1])
+def test_odometry_is_planar(yaw):
+    got = conversions.odometry_from_message(over_the_wire(odometry(yaw)))
+    assert (got.x, got.y, got.v, got.w) == (1.0, 2.0, 0.2, -0.1)
+    assert got.yaw == pytest.approx(yaw)
+    assert got.stamp == conversions.stamp_to_seconds(STAMP)
+
+
+def test_odometry_that_makes_no_sense_is_refused():
+    broken = odometry()
+    broken.pose.pose.position.x = math.nan
+    with pytest.raises(ValueError, match="not finite"):
+        conversions.odometry_from_message(broken)
+    broken = odometry()
+    broken.pose.pose.orientation.w = 0.0
+    with pytest.raises(ValueError, match="quaternion of length 0, expected 1"):
+        conversions.odometry_from_message(broken)
+
+
+def test_an_estimate_survives_both_ways():
+    estimate = Estimate(0.25, 0.5, Verdict.DEGRADED, "Dark.", 0.75)
+    message = over_the_wire(conversions.estimate_to_message(estimate, STAMP))
+    expected = StampedEstimate(conversions.stamp_to_ns(STAMP), estimate)
+    assert conversions.estimate_from_message(message) == expected
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"probability": math.nan}, {"probability": 1.5}, {"clearance": math.nan}, {"verdict": 9}],
+)
+def test_an_estimate_that_makes_no_sense_is_refused(fields):
+    message = conversions.estimate_to_message(Estimate(0.5, 1.0, Verdict.GOOD, "", 1.0), STAMP)
+    with pytest.raises(ValueError, match=r"\d|finite|nan"):
+        conversions.estimate_from_message(change(message, **fields))
+
+
+def test_the_tilt_is_found_among_the_joints():
+    message = JointState(name=["wheel", "camera_tilt"], position=[1.0, -0.5])
+    message.header.stamp = STAMP
+    assert conversions.tilt_from_message(message, "camera_tilt").angle == -0.5
+    assert conversions.tilt_from_message(message, "arm") is None
+    assert conversions.tilt_from_message(change(message, position=[]), "camera_tilt") is None
+
+
+def test_velocities():
+    message = conversions.twist_stamped(Command(0.2, -0.5), STAMP, "base_link")
+    assert (message.header.stamp, message.header.frame_id) == (STAMP, "base_link")
+    assert message.twist == conversions.twist(Command(0.2, -0.5))
+    assert (message.twist.linear.x, message.twist.angular.z) == (0.2, -0.5)
