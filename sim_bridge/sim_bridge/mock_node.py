@@ -10,6 +10,7 @@ import queue
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import NoReturn
 
 import numpy as np
 from cfnav_interfaces.msg import GroundTruth
@@ -93,7 +94,7 @@ class MockTurtleBot4(Node):
         speed = f"{p.speed:g} times real time" if p.speed else "as fast as it can"
         return f"room {p.room}, goal {p.goal or 'none'}, {speed}"
 
-    def run(self) -> None:
+    def run(self) -> NoReturn:
         """Advance simulated time and publish until the process is told to end."""
         self._pacer.restart(self.simulator.time, time.monotonic())
         while True:
@@ -108,6 +109,14 @@ class MockTurtleBot4(Node):
                     f"the machine is too slow: simulated time stood for {-ahead:.1f} s",
                     throttle_duration_sec=10.0,
                 )
+
+    def abort(self, error: Exception) -> None:
+        """Make the loop raise an error of the receiving thread: a deaf robot must not live on."""
+
+        def fail() -> None:
+            raise error
+
+        self._hand_over(fail)
 
     def refuse_requests(self) -> None:
         """Answer no service call any more; for the end, when the loop no longer runs."""

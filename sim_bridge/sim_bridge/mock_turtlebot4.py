@@ -10,24 +10,31 @@ import signal
 import sys
 import threading
 from concurrent.futures import CancelledError
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 import rclpy
+import rclpy.utilities
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+if TYPE_CHECKING:
+    from sim_bridge.mock_node import MockTurtleBot4
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the mock until SIGINT or SIGTERM.
+
+    Args:
+        args: the command line, the program first; that of the process when None.
 
     Returns:
         0 when it was told to end, 2 when it could not start.
     """
     signal.signal(signal.SIGINT, _end)
     signal.signal(signal.SIGTERM, _end)
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        return _run()
+        return _run(sys.argv if args is None else args)
     except KeyboardInterrupt:
         return 0
     finally:
@@ -41,40 +48,56 @@ def _end(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _run() -> int:
-    """Receive in one thread, simulate in this one."""
-    node = None
-    try:
-        # Here, because without a GL library this import fails with the sentence to print.
-        from sim_bridge.mock_node import MockTurtleBot4
+def _run(args: list[str]) -> int:
+    """Start, then receive in one thread and simulate in this one."""
+    with ExitStack() as cleanup:
+        try:
+            _join_graph(args)
+            # Here, because without a GL library this import fails with the sentence to print.
+            from sim_bridge.mock_node import MockTurtleBot4
 
-        node = MockTurtleBot4()
-        node.set_up()
-    except (ValueError, ImportError) as error:
-        print(f"mock_turtlebot4: {error}", file=sys.stderr)
-        if node is not None:
-            node.close()
-        return 2
-    spinner = threading.Thread(target=_spin, args=(node,))
-    spinner.start()
-    try:
+            node = MockTurtleBot4()
+            cleanup.callback(node.close)
+            node.set_up()
+        except (ValueError, ImportError) as error:
+            print(f"mock_turtlebot4: {error}", file=sys.stderr)
+            return 2
+        spinner = threading.Thread(target=_spin, args=(node,))
+        cleanup.callback(_stop, spinner, node)
+        spinner.start()
         print(f"mock_turtlebot4 ready: {node.summary}", flush=True)
         node.run()
-    finally:
-        rclpy.try_shutdown()
-        while spinner.is_alive():
-            node.refuse_requests()
-            spinner.join(timeout=0.05)
-        node.close()
 
 
-def _spin(node: Node) -> None:
+def _join_graph(args: list[str]) -> None:
+    """Initialise ROS; raises ValueError for a command line that makes no sense."""
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise ValueError(f"the command line cannot be read: {error}") from error
+    other = rclpy.utilities.remove_ros_args(args)[1:]
+    if other:
+        raise ValueError(
+            f"argument {other[0]} is unknown; parameters are given as --ros-args -p name:=value."
+        )
+
+
+def _spin(node: MockTurtleBot4) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         executor.spin()
     except (ExternalShutdownException, CancelledError):
         return
+    except Exception as error:
+        node.abort(error)
+
+
+def _stop(spinner: threading.Thread, node: MockTurtleBot4) -> None:
+    rclpy.try_shutdown()
+    while spinner.is_alive():
+        node.refuse_requests()
+        spinner.join(timeout=0.05)
 
 
 if __name__ == "__main__":

@@ -61,9 +61,9 @@ def seconds(stamp):
 class Mock:
     """The process; what it writes is kept in files."""
 
-    def __init__(self, folder, domain, *parameters, **environment):
+    def __init__(self, folder, domain, *parameters, arguments=(), **environment):
         self.out, self.err = folder / "stdout", folder / "stderr"
-        command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", "--ros-args"]
+        command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", *arguments, "--ros-args"]
         for parameter in parameters:
             command += ["-p", parameter]
         env = {
@@ -210,10 +210,12 @@ def mock(tmp_path_factory, domain, start):
 @pytest.fixture(scope="module")
 def robot(mock, domain):
     listener = Listener(domain)
-    listener.wait_connected()
-    listener.wait(lambda: len(listener.heard["scan"]) > 40, "5 s of scans")
-    yield listener
-    listener.close()
+    try:
+        listener.wait_connected()
+        listener.wait(lambda: len(listener.heard["scan"]) > 40, "5 s of scans")
+        yield listener
+    finally:
+        listener.close()
 
 
 def test_one_ready_line(mock):
@@ -448,6 +450,15 @@ def test_bad_parameter_is_one_sentence_and_exit_code_2(tmp_path, domain, paramet
     assert words in lines[0]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"), [(["--speed"], "--speed is unknown"), (["--ros-args", "-p"], "read")]
+)
+def test_bad_command_line_is_exit_code_2(tmp_path, domain, arguments, words):
+    mock = Mock(tmp_path, domain + 1, arguments=arguments)
+    assert mock.wait_end() == 2
+    assert words in mock.err.read_text().splitlines()[-1]
+
+
 def test_missing_gl_library_is_one_sentence_and_exit_code_2(tmp_path, domain):
     mock = Mock(tmp_path, domain + 1, MUJOCO_GL="nothing", CFNAV_GL_CHOSEN="")
     assert mock.wait_end() == 2
@@ -456,10 +467,11 @@ def test_missing_gl_library_is_one_sentence_and_exit_code_2(tmp_path, domain):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_ends_it_cleanly_and_twice_is_no_worse(tmp_path, domain, number):
+def test_signals_end_it_cleanly(tmp_path, domain, number):
     mock = Mock(tmp_path, domain + 1, f"room:={OTHER_ROOM}")
     mock.wait_ready()
-    mock.process.send_signal(number)
-    mock.process.send_signal(number)
-    assert mock.wait_end() == 0
+    while mock.process.poll() is None:  # the later ones hit the clean-up
+        mock.process.send_signal(number)
+        time.sleep(0.01)
+    assert mock.process.returncode == 0
     assert mock.err.read_text() == ""
