@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
@@ -87,12 +88,21 @@ class BagWriter:
         self.counts[topic] += 1
 
     def close(self) -> None:
-        """Finish the bag and give it its name."""
-        self._writer.close()
+        """Finish the bag and give it its name.
+
+        Raises:
+            OSError: it could not be written; nothing is left of it.
+        """
+        try:
+            self._writer.close()
+        except OSError:
+            self.abort()
+            raise
         (self._partial / self.path.name).rename(self.path)
         self._partial.rmdir()
 
     def abort(self) -> None:
         """Give the recording up and leave nothing behind."""
-        self._writer.abort()
+        with suppress(OSError):
+            self._writer.abort()
         shutil.rmtree(self._partial, ignore_errors=True)

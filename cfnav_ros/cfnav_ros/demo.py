@@ -53,7 +53,9 @@ class DemoConfig:
     episodes: int = 0
     """Number of episodes; 0: one for each room and goal, or one for each room without goals."""
     max_steps: int = 0
-    """Most decisions of an episode; 0: the policy node's own limit."""
+    """Most decisions of an episode; 0: 100, and 200 in living rooms."""
+    veto: bool = True
+    """The LiDAR may forbid a MoveAhead."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
     report: bool = True
@@ -112,7 +114,8 @@ def run_trials(
             if config.goals or refused > 100:
                 raise GraphError(start.message)
             continue
-        done(trial, _run_one(graph, trial, config.max_steps))
+        limit = config.max_steps or (200 if trial.room.startswith("living_room") else 100)
+        done(trial, _run_one(graph, trial, limit))
         left -= 1
 
 
@@ -133,6 +136,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             logs=folder.partial / "logs",
             speed=config.speed,
             bundle=config.bundle,
+            veto=config.veto,
             domain=config.domain,
             bag=bag,
         )

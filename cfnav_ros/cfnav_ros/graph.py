@@ -68,6 +68,7 @@ class GraphConfig:
         logs: folder for the log of each process.
         speed: simulated seconds per wall second; 0 is as fast as it goes.
         bundle: bundle that drives; None is the shipped one.
+        veto: whether the LiDAR may forbid a MoveAhead.
         domain: ROS domain; None draws a free one.
         bag: where everything is recorded; None records nothing.
     """
@@ -76,6 +77,7 @@ class GraphConfig:
     logs: Path
     speed: float = 1.0
     bundle: Path | None = None
+    veto: bool = True
     domain: int | None = None
     bag: Path | None = None
 
@@ -266,14 +268,15 @@ class Graph:
         """Start the nodes in the order in which they are ended in reverse."""
         config = self.config
         self.config.logs.mkdir(parents=True, exist_ok=True)
-        settings = str(files("cfnav_ros") / "config" / "demo.yaml")
-        bundle = ["-p", f"bundle:={config.bundle.resolve()}"] if config.bundle else []
-        sim_time = ["--params-file", settings, "-p", "use_sim_time:=true"]
+        sim_time = ["-p", "use_sim_time:=true"]
+        policy = ["-p", f"episode.veto:={str(config.veto).lower()}"]
+        if config.bundle is not None:
+            policy += ["-p", f"bundle:={config.bundle.resolve()}"]
         nodes = (
             ("sim_bridge", "mock_turtlebot4", [
                 "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}"]),
             ("cfnav_ros", "lidar_collision_node", sim_time),
-            ("cfnav_ros", "policy_node", [*sim_time, *bundle]),
+            ("cfnav_ros", "policy_node", [*sim_time, *policy]),
         )  # fmt: skip
         for package, executable, parameters in nodes:
             command = [*node_command(package, executable), "--ros-args", *parameters]

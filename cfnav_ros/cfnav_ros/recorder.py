@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_path
 from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -137,6 +138,8 @@ class Recorder:
             topic.name,
             lambda cdr: write(name, cdr),
             _qos(topic),
+            # Handlers of events that nobody reads would double the cost of every message.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
 
@@ -158,7 +161,9 @@ class Recorder:
         except ExternalShutdownException:
             return
         except Exception as error:  # raised again in the caller's thread
-            self._error = error
+            with self._heard:
+                self._error = error
+                self._heard.notify_all()
 
     def _raise_error(self) -> None:
         if self._error is not None:

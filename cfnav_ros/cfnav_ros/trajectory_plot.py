@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -89,7 +90,7 @@ def trajectory_png(episode: Episode, room: RoomMap | None, theme: Theme = LIGHT)
         axes.set_ylabel("y (m)")
         if room is None:
             axes.margins(0.3)
-        return _png(figure)
+        return _png(figure, bbox_inches="tight", pad_inches=0.04)
 
 
 def timeline_png(episode: Episode, theme: Theme = LIGHT) -> bytes:
@@ -239,7 +240,7 @@ def _style(axes: Axes, theme: Theme) -> None:
         spine.set_color(theme.ink)
 
 
-def _png(figure: Figure) -> bytes:
+def _png(figure: Figure, **options: Any) -> bytes:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=150, facecolor=figure.get_facecolor())
+    figure.savefig(buffer, format="png", dpi=150, facecolor=figure.get_facecolor(), **options)
     return buffer.getvalue()

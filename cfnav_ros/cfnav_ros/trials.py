@@ -36,6 +36,8 @@ class TrialsConfig(DemoConfig):
     """File of the results, one JSON line for each episode; episodes in it are not run again."""
     episodes: int = 60
     """Number of episodes."""
+    veto: bool = False
+    """The LiDAR may forbid a MoveAhead; off where the policy itself is measured."""
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
@@ -75,7 +77,12 @@ def run(config: TrialsConfig) -> list[Outcome]:
     logs = config.out.with_suffix(".logs")
     room = parse_list(config.room)[0]
     graph_config = GraphConfig(
-        room=room, logs=logs, speed=config.speed, bundle=config.bundle, domain=config.domain
+        room=room,
+        logs=logs,
+        speed=config.speed,
+        bundle=config.bundle,
+        veto=config.veto,
+        domain=config.domain,
     )
 
     def done(trial: Trial, outcome: Outcome) -> None:

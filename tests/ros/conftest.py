@@ -176,3 +176,42 @@ def _zero(bag: SyntheticBag, kind: tuple) -> object:
 def synthetic_bag(tmp_path: Path) -> Callable[[], SyntheticBag]:
     """Return a function that opens a new bag at ``tmp_path / "bag"``."""
     return lambda: SyntheticBag(tmp_path / "bag")
+
+
+@pytest.fixture(scope="session")
+def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundle of real networks, set by hand: MoveAhead six times whatever it sees, then Done."""
+    torch = pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
+    from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
+    from cfnav_core.collision_predictor import CollisionPredictor
+    from cfnav_core.export import export_networks
+    from cfnav_core.models.baseline import Baseline
+    from cfnav_core.perception_net import PerceptionNet, export_perception
+    from cfnav_core.vocabulary import CATEGORIES
+
+    folder = tmp_path_factory.mktemp("eager")
+    torch.manual_seed(0)
+    model, predictor = Baseline(16), CollisionPredictor(16)
+    for parameter in (*model.lstm.parameters(), *model.actor.parameters()):
+        torch.nn.init.zeros_(parameter)
+    with torch.no_grad():
+        # All gates open and every input tanh(0.1): the state counts steps, h = tanh(0.1 t).
+        gates = model.lstm.bias_ih.view(4, 16)
+        gates[:] = 10.0
+        gates[2] = 0.1
+        model.actor.bias[Action.MoveAhead] = 1.0
+        model.actor.weight[Action.Done, 0] = 100.0
+        model.actor.bias[Action.Done] = -57.0  # passes 1 between h of 6 and of 7 steps
+    export_perception(PerceptionNet(), folder / "perception.onnx")
+    export_networks(model.eval(), predictor.eval(), folder)
+    BundleHead(
+        name="eager",
+        method="plain",
+        feeds_prediction=False,
+        goals=CATEGORIES,
+        hidden=(16, 16),
+        files={name: file_hash(folder / name) for name in NETWORKS},
+        training={},
+        metrics={},
+    ).save(folder)
+    return folder

@@ -1,136 +1,168 @@
-"""The demo: its plan, its folder, its processes, and one run over the real graph."""
+"""The demo over the real graph, started as a user starts it."""
 
 from __future__ import annotations
 
-import itertools
-import os
+import json
+import random
+import re
 import signal
+import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
-from cfnav_ros.plan import Trial, chosen_trials, drawn_trials, parse_list
-from cfnav_ros.processes import Child, node_command
-from cfnav_ros.run_folder import FolderInUseError, RunFolder
 
-GOALS = {"kitchen:25": ("Fridge", "Mug", "Toaster"), "bedroom:23": ("Book", "Mug")}
+pytestmark = pytest.mark.ros
 
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-def test_lists_are_comma_separated() -> None:
-    assert parse_list(" Fridge, Mug,,") == ("Fridge", "Mug")
-    assert parse_list("") == ()
-
-
-def test_chosen_goals_are_sought_where_they_are_and_repeated_with_new_seeds() -> None:
-    trials = list(itertools.islice(chosen_trials(GOALS, ("Mug", "Book"), 5), 4))
-    assert trials == [
-        Trial("kitchen:25", "Mug", 5),
-        Trial("bedroom:23", "Mug", 5),
-        Trial("bedroom:23", "Book", 5),
-        Trial("kitchen:25", "Mug", 6),
-    ]
+from cfnav_ros.bag_eval import evaluate_bag  # noqa: E402
+from cfnav_ros.bag_reader import read_events, read_pictures  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+from rclpy.node import Node  # noqa: E402
 
 
-def test_a_goal_that_no_room_has_is_refused_with_what_there_is() -> None:
-    with pytest.raises(ValueError, match="'Sofa' is in none of the rooms: kitchen:25 has Fridge"):
-        chosen_trials(GOALS, ("Mug", "Sofa"), 1)
-
-
-def test_drawn_trials_repeat_for_a_seed_and_cover_every_goal() -> None:
-    first, again, other = (list(itertools.islice(drawn_trials(GOALS, s), 12)) for s in (3, 3, 4))
-    assert first == again
-    assert first != other
-    assert {(t.room, t.goal) for t in first} == {(r, g) for r, has in GOALS.items() for g in has}
-    assert len(set(first)) == 12
-
-
-def test_results_have_their_name_only_when_finished(tmp_path: Path) -> None:
-    out = tmp_path / "demo"
-    for text in ("first", "second"):
-        with RunFolder(out) as folder:
-            (folder.partial / "metrics.json").write_text(text)
-            assert not out.exists() or (out / "metrics.json").read_text() == "first"
-            folder.finish()
-        assert (out / "metrics.json").read_text() == text
-    assert [p.name for p in tmp_path.iterdir()] == ["demo"]
-
-
-def test_what_an_interrupted_run_left_is_not_taken_for_good(tmp_path: Path) -> None:
-    with RunFolder(tmp_path / "demo") as folder:
-        (folder.partial / "metrics.json").write_text("half")
-    assert not (tmp_path / "demo").exists()
-    with RunFolder(tmp_path / "demo") as folder:
-        assert list(folder.partial.iterdir()) == []
-
-
-def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
-    with (
-        RunFolder(tmp_path / "demo"),
-        pytest.raises(FolderInUseError, match="another run"),
-        RunFolder(tmp_path / "demo"),
-    ):
-        pass
-
-
-def start(tmp_path: Path, code: str) -> Child:
-    command = [sys.executable, "-u", "-c", code]
-    return Child("child", command, tmp_path / "child.log", os.environ)
-
-
-def wait_for(condition: object, deadline_s: float = 20.0) -> None:
+def wait_for(condition: Callable[[], object], deadline_s: float) -> None:
     end = time.monotonic() + deadline_s
     while not condition():
         assert time.monotonic() < end, "the condition did not come true in time"
-        time.sleep(0.02)
+        time.sleep(0.05)
 
 
-def test_a_child_that_ended_is_named_with_its_last_words_and_its_log(tmp_path: Path) -> None:
-    child = start(tmp_path, "print('no such room'); raise SystemExit(2)")
-    wait_for(child.ended)
-    assert child.ended() == f"child ended with code 2: no such room (log: {tmp_path}/child.log)"
-    assert child.stop() == 2
-
-
-def test_a_child_that_ignores_interrupts_is_still_ended(tmp_path: Path) -> None:
-    child = start(
-        tmp_path,
-        "import signal,time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nprint('up')\n"
-        "time.sleep(600)",
-    )
-    wait_for(lambda: "up" in child.log.read_text())
-    assert child.ended() is None
-    assert child.stop(patience_s=0.3) == -signal.SIGTERM
-
-
-def test_children_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
-    parent = start(
-        tmp_path,
-        "import os,sys,time;from pathlib import Path;from cfnav_ros.processes import Child\n"
-        f"child = Child('inner', [sys.executable, '-c', 'import time; time.sleep(600)'], "
-        f"Path({str(tmp_path / 'inner.log')!r}), os.environ)\n"
-        "print(child.pid, 'is up'); time.sleep(600)",
-    )
-    wait_for(lambda: "is up" in parent.log.read_text())
-    inner = int(parent.log.read_text().split()[0])
-    os.kill(parent.pid, signal.SIGKILL)
-    parent.stop()
-    wait_for(lambda: not _runs(inner))
-
-
-def _runs(pid: int) -> bool:
+def runs(pid: int) -> bool:
     try:
-        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
 
 
-def test_installed_executables_come_before_modules(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def demo(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
+    """Return a function that starts the demo as a user does; what is left of it is ended."""
+    started = []
+
+    def start_demo(*arguments: str) -> subprocess.Popen:
+        command = [sys.executable, "-m", "cfnav_ros.demo", "--out", str(tmp_path / "demo")]
+        process = subprocess.Popen(
+            [*command, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+        )
+        started.append(process)
+        return process
+
+    yield start_demo
+    for process in started:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=60)
+
+
+def descendants(pid: int) -> list[int]:
+    """Return the processes that descend from a process."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        parents[int(stat.parent.name)] = int(fields[1])
+    found = [pid]
+    for ancestor in found:
+        found += [child for child, parent in parents.items() if parent == ancestor]
+    return found[1:]
+
+
+def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
+    demo: Callable[..., subprocess.Popen], eager_bundle: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
-    assert node_command("cfnav_ros", "policy_node")[1:] == ["-m", "cfnav_ros.policy_node"]
-    program = tmp_path / "lib" / "cfnav_ros" / "policy_node"
-    program.parent.mkdir(parents=True)
-    program.touch(0o755)
-    assert node_command("cfnav_ros", "policy_node") == [str(program)]
+    arguments = [
+        "--bundle",
+        str(eager_bundle),
+        "--room",
+        "bathroom:20,kitchen:21",
+        "--max-steps",
+        "12",
+        "--speed",
+        "3",
+    ]
+    process = demo(*arguments, "--seed", "4", "--no-veto", "--episodes", "3")
+    output, errors = process.communicate(timeout=400)
+    assert process.returncode == 0, errors
+
+    out = tmp_path / "demo"
+    assert [p.name for p in tmp_path.iterdir()] == ["demo"]
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["bag_agrees"] is True
+    assert [e["room"] for e in metrics["episodes"]] == ["bathroom:20", "kitchen:21", "bathroom:20"]
+    for bag, live in zip(metrics["episodes"], metrics["live"], strict=True):
+        assert bag["path_length_m"] == pytest.approx(live["path_length_m"], abs=0.02, rel=0.02)
+        for name in ("goal", "outcome", "success", "collisions", "cf_success", "steps"):
+            assert bag[name] == live[name]
+        assert 1 <= bag["steps"] <= 12
+    assert set(metrics) >= {"sr", "spl", "cf_sr", "cf_spl", "seed", "bundle", "commit", "command"}
+    assert [asdict(e.outcome) for e in evaluate_bag(out / "bag")] == metrics["episodes"]
+    assert len(list((out / "trajectories").glob("*.png"))) == 3
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/jpeg") >= 3
+    assert "the bag agrees" in output
+    stamps = {d.image_ns for d in read_events(out / "bag").decisions}
+    assert set(read_pictures(out / "bag", stamps)) == stamps
+
+
+def test_interrupt_ends_every_process_and_leaves_no_results(
+    demo: Callable[..., subprocess.Popen], eager_bundle: Path, tmp_path: Path
+) -> None:
+    process = demo("--bundle", str(eager_bundle), "--room", "kitchen:21", "--speed", "1")
+    log = tmp_path / "demo.partial" / "logs" / "policy_node.log"
+    wait_for(lambda: log.exists() and "Sending TwistStamped" in log.read_text(), 120)
+    children = descendants(process.pid)
+    assert len(children) >= 3
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted; every process was ended" in errors
+    assert not [pid for pid in children if runs(pid)]
+    assert not (tmp_path / "demo").exists()
+    assert not list(tmp_path.rglob("*.mcap"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--room", "garage:25"], "garage"),
+        (["--room", "kitchen:21", "--goals", "Unicorn"], "'Unicorn' is in none of the rooms"),
+        (["--bundle", "/nowhere"], "/nowhere"),
+    ],
+)
+def test_what_cannot_run_ends_with_one_sentence(
+    demo: Callable[..., subprocess.Popen],
+    eager_bundle: Path,
+    tmp_path: Path,
+    arguments: list[str],
+    sentence: str,
+) -> None:
+    process = demo("--bundle", str(eager_bundle), *arguments)
+    _, errors = process.communicate(timeout=150)
+    assert process.returncode == 1
+    assert re.fullmatch(r"demo: .*\n", errors), errors
+    assert sentence in errors
+    assert not (tmp_path / "demo").exists()
+
+
+def test_a_domain_in_use_is_refused(demo: Callable[..., subprocess.Popen]) -> None:
+    context = Context()
+    domain = random.SystemRandom().randrange(1, 102)
+    rclpy.init(context=context, domain_id=domain)
+    node = Node("somebody_else", context=context)
+    process = demo("--domain", str(domain))
+    _, errors = process.communicate(timeout=60)
+    node.destroy_node()
+    context.shutdown()
+    assert process.returncode == 1
+    assert f"ROS domain {domain} is in use on this machine by somebody_else" in errors

@@ -1,0 +1,76 @@
+"""Child processes are started, watched and ended."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from cfnav_ros.processes import Child, node_command
+
+
+def start(tmp_path: Path, code: str) -> Child:
+    command = [sys.executable, "-u", "-c", code]
+    return Child("child", command, tmp_path / "child.log", os.environ)
+
+
+def wait_for(condition: Callable[[], object], deadline_s: float = 20.0) -> None:
+    end = time.monotonic() + deadline_s
+    while not condition():
+        assert time.monotonic() < end, "the condition did not come true in time"
+        time.sleep(0.02)
+
+
+def test_a_child_that_ended_is_named_with_its_last_words_and_its_log(tmp_path: Path) -> None:
+    child = start(tmp_path, "print('no such room'); raise SystemExit(2)")
+    wait_for(child.ended)
+    assert child.ended() == f"child ended with code 2: no such room (log: {tmp_path}/child.log)"
+    assert child.stop() == 2
+
+
+def test_a_child_that_ignores_interrupts_is_still_ended(tmp_path: Path) -> None:
+    child = start(
+        tmp_path,
+        "import signal,time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\nprint('up')\n"
+        "time.sleep(600)",
+    )
+    wait_for(lambda: "up" in child.log.read_text())
+    assert child.ended() is None
+    assert child.stop(patience_s=0.3) == -signal.SIGTERM
+
+
+def test_children_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    parent = start(
+        tmp_path,
+        "import os,sys,time;from pathlib import Path;from cfnav_ros.processes import Child\n"
+        f"child = Child('inner', [sys.executable, '-c', 'import time; time.sleep(600)'], "
+        f"Path({str(tmp_path / 'inner.log')!r}), os.environ)\n"
+        "print(child.pid, 'is up'); time.sleep(600)",
+    )
+    wait_for(lambda: "is up" in parent.log.read_text())
+    inner = int(parent.log.read_text().split()[0])
+    os.kill(parent.pid, signal.SIGKILL)
+    parent.stop()
+    wait_for(lambda: not _runs(inner))
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_installed_executables_come_before_modules(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    assert node_command("cfnav_ros", "policy_node")[1:] == ["-m", "cfnav_ros.policy_node"]
+    program = tmp_path / "lib" / "cfnav_ros" / "policy_node"
+    program.parent.mkdir(parents=True)
+    program.touch(0o755)
+    assert node_command("cfnav_ros", "policy_node") == [str(program)]

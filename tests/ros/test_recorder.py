@@ -1,0 +1,162 @@
+"""The recorder on a real graph: another process publishes, the bag holds all of it."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
+
+from cfnav_ros.bag_reader import read_events, read_maps, read_pictures  # noqa: E402
+from cfnav_ros.recorder import CLOCK, TOPICS, Recorder  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+from rosbags.highlevel import AnyReader  # noqa: E402
+
+IMAGE = "oakd/rgb/preview/image_raw"
+PICTURES = 60
+PERIOD_NS = 66_666_667
+
+PUBLISHER = f"""
+import array, random, time, rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from builtin_interfaces.msg import Time
+from cfnav_interfaces.msg import EpisodeStatus, GroundTruth, PolicyDecision
+from nav_msgs.msg import OccupancyGrid
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+rclpy.init()
+node = rclpy.create_node("robot")
+latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+grid_pub = node.create_publisher(OccupancyGrid, "ground_truth/map", latched)
+grid = OccupancyGrid()
+grid.info.width, grid.info.height, grid.info.resolution = 3, 2, 0.5
+grid.data = array.array("b", [100, 0, 0, 0, 0, 100])
+grid_pub.publish(grid)
+print("latched", flush=True)
+images = node.create_publisher(Image, "{IMAGE}", 10)
+clocks = node.create_publisher(Clock, "{CLOCK}", 10)
+truths = node.create_publisher(GroundTruth, "ground_truth/state", 100)
+status = node.create_publisher(EpisodeStatus, "policy/episode", latched)
+decisions = node.create_publisher(PolicyDecision, "policy/decision", 50)
+pubs = (images, clocks, truths, status, decisions)
+end = time.monotonic() + 20
+while any(p.get_subscription_count() == 0 for p in pubs) and time.monotonic() < end:
+    time.sleep(0.02)
+pixels = array.array("B", bytes(range(250)) + random.Random(1).randbytes(270000 - 250))
+for i in range({PICTURES}):
+    stamp = Time(sec=i * {PERIOD_NS} // 10**9, nanosec=i * {PERIOD_NS} % 10**9)
+    header = Header(stamp=stamp)
+    clocks.publish(Clock(clock=stamp))
+    images.publish(Image(
+        header=header, height=300, width=300, encoding="bgr8", step=900, data=pixels))
+    truths.publish(GroundTruth(header=header, x=0.25 * i, goal="Mug", room="kitchen:25"))
+    if i in (0, {PICTURES} - 1):
+        status.publish(EpisodeStatus(header=header, phase=int(i > 0), goal="Mug", outcome="done"))
+    time.sleep(0.03)
+decisions.publish(PolicyDecision(header=header, goal="Mug", step=1, action=5))
+while True:
+    time.sleep(1)
+"""
+
+
+@pytest.fixture
+def domain() -> int:
+    return random.SystemRandom().randrange(1, 102)
+
+
+@pytest.fixture
+def publisher(domain: int, tmp_path: Path) -> object:
+    """Another process that publishes a latched map, then pictures at 30 Hz."""
+    log = tmp_path / "publisher.log"
+    with log.open("w") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-c", PUBLISHER],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+    end = time.monotonic() + 30
+    while "latched" not in log.read_text():
+        assert process.poll() is None, log.read_text()
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    yield process
+    process.send_signal(signal.SIGINT)
+    process.wait(10)
+
+
+@pytest.fixture
+def context(domain: int) -> Context:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    yield context
+    context.try_shutdown()
+
+
+def test_every_message_is_in_the_bag(publisher: object, context: Context, tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    recorder = Recorder(bag, context)
+    assert recorder.wait_for("policy/decision", 1, 30)
+    assert recorder.wait_for(IMAGE, PICTURES)
+    assert recorder.wait_for("ground_truth/state", PICTURES)
+    assert not bag.exists()
+    recorder.close()
+
+    stamps = [i * PERIOD_NS for i in range(PICTURES)]
+    pictures = read_pictures(bag, stamps)
+    assert sorted(pictures) == stamps
+    assert pictures[0][0, 0].tolist() == [2, 1, 0]
+    events = read_events(bag)
+    assert [t.x for t in events.truths] == [0.25 * i for i in range(PICTURES)]
+    assert [(s.started, s.t_ns) for s in events.statuses] == [(True, 0), (False, stamps[-1])]
+    (room,) = read_maps(bag)
+    assert room.occupied.tolist() == [[True, False, False], [False, False, True]]
+    with AnyReader([bag]) as reader:
+        assert {c.topic for c in reader.connections} == {"/" + t.name.strip("/") for t in TOPICS}
+        log_times = {t for c, t, _ in reader.messages() if c.topic == "/" + IMAGE}
+        # The log time is the newest clock heard, at most a few pictures away from the stamp.
+        assert log_times <= set(stamps)
+        assert len(log_times) > PICTURES // 2
+
+
+def test_a_recording_given_up_leaves_nothing(context: Context, tmp_path: Path) -> None:
+    Recorder(tmp_path / "bag", context).abort()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_bag_is_not_written_over(context: Context, tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(FileExistsError, match="exists already"):
+        Recorder(tmp_path / "bag", context)
+
+
+@pytest.fixture
+def small_files() -> None:
+    """Let no file of this process grow beyond 100 kB, as on a disk that is nearly full."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.usefixtures("publisher", "small_files")
+def test_a_full_disk_is_told_and_leaves_no_bag(context: Context, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "bag", context)
+    with pytest.raises(OSError, match="File too large"):
+        recorder.wait_for("policy/decision", 1, 30)
+    with pytest.raises(OSError, match="File too large"):
+        recorder.close()
+    assert not [path for path in tmp_path.iterdir() if "bag" in path.name]
