@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import tyro
-from sklearn.metrics import roc_auc_score
+from scipy.stats import rankdata
 from torch import Tensor
 from tqdm import tqdm
 
@@ -85,6 +85,13 @@ def learning_rate(progress: float, peak: float) -> float:
     return peak * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * fall)))
 
 
+def area_under_roc(score: np.ndarray, label: np.ndarray) -> float:
+    """Chance that a positive scores above a negative, ties half; both must be present."""
+    positives = int(label.sum())
+    ranks = rankdata(score)[label].sum() - positives * (positives + 1) / 2
+    return float(ranks / (positives * (len(label) - positives)))
+
+
 @torch.no_grad()
 def report(net: PerceptionNet, pictures: Pictures) -> dict[str, object]:
     """Quality on held-out rooms: AUC and F1 of "visible" per category, depth and floor errors."""
@@ -106,7 +113,7 @@ def report(net: PerceptionNet, pictures: Pictures) -> dict[str, object]:
 
     return {
         "pictures": len(y),
-        "visible_auc_mean": float(np.mean([roc_auc_score(y[:, c], p[:, c]) for c in enough])),
+        "visible_auc_mean": float(np.mean([area_under_roc(p[:, c], y[:, c]) for c in enough])),
         "visible_f1": f1(slice(None)),
         "visible_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in enough},
         "depth_relative_error": float(torch.cat(depth_error).mean()),
@@ -169,7 +176,8 @@ def main() -> None:
         for key, value in train(tyro.cli(Options)).items():
             print(f"{key}: {value}")
     except ValueError as error:
-        sys.exit(f"train_perception: {error}")
+        print(f"train_perception: {error}", file=sys.stderr)
+        sys.exit(2)
 
 
 if __name__ == "__main__":

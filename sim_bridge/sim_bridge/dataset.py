@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import signal
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -204,6 +205,8 @@ def run(options: Options) -> None:
     todo = [
         r for r in rooms if not _finished(room_folder(options.out, *r), options.views, perception)
     ]
+    # a plain SIGTERM would leave the workers behind
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("dataset: ended by SIGTERM"))
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         jobs = {
             pool.submit(render_views, *room, options.out, options.views)
@@ -215,15 +218,23 @@ def run(options: Options) -> None:
         }
         bar = tqdm(as_completed(jobs), total=len(jobs), unit="room", mininterval=2.0)
         states = 0
-        for job in bar:
-            try:
-                states += job.result()
-            except Exception as error:
-                pool.shutdown(cancel_futures=True)
-                kind, seed = jobs[job]
-                raise ValueError(f"room {kind}:{seed} could not be rendered: {error}") from error
-            bar.set_postfix_str(f"{states} states")
+        try:
+            for job in bar:
+                states += _result(job, jobs[job])
+                bar.set_postfix_str(f"{states} states")
+        except BaseException:
+            # rooms in work are finished and kept, the others not begun
+            pool.shutdown(cancel_futures=True)
+            raise
     print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
+
+
+def _result(job: Future[int], room: tuple[str, int]) -> int:
+    try:
+        return job.result()
+    except Exception as error:
+        kind, seed = room
+        raise ValueError(f"room {kind}:{seed} could not be rendered: {error}") from error
 
 
 def main() -> None:
@@ -231,7 +242,8 @@ def main() -> None:
     try:
         run(tyro.cli(Options))
     except (ValueError, ImportError) as error:
-        sys.exit(f"dataset: {error}")
+        print(f"dataset: {error}", file=sys.stderr)
+        sys.exit(2)
 
 
 if __name__ == "__main__":

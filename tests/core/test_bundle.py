@@ -1,0 +1,189 @@
+"""Train a little, export, and ask the same question of torch, ONNX, Policy and evaluation."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from cfnav_core.actions import Action
+from cfnav_core.bundle import BundleError, BundleHead
+from cfnav_core.collision_predictor import CollisionPredictor
+from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
+from cfnav_core.env import SceneBank
+from cfnav_core.evaluate import Episodes, evaluate_bundle, paired_difference, run_episodes
+from cfnav_core.export import export_bundle
+from cfnav_core.models import MODELS
+from cfnav_core.networks import AgentState, OnnxNetworks, TorchNetworks
+from cfnav_core.perception import Perception, PerceptionError, preprocess
+from cfnav_core.perception_net import PerceptionNet, export_perception
+from cfnav_core.policy import Policy
+from cfnav_core.scene import SceneError
+from cfnav_core.train import TrainOptions, train
+
+from .worlds import hall
+
+SMALL = RunConfig(
+    hyperparameters=Hyperparameters(stage1_episodes=300, stage2_episodes=300, batch=32),
+    size=ModelSize(hidden=32, predictor_hidden=16),
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """A folder with perception.onnx, scenes, a run and its bundle."""
+    root = tmp_path_factory.mktemp("bundle")
+    torch.manual_seed(0)
+    export_perception(PerceptionNet(), root / "perception.onnx")
+    identity = Perception(root / "perception.onnx").identity
+    for seed in range(2):
+        scene = replace(hall(seed=seed, name=f"kitchen:{seed}"), perception=identity)
+        scene.save(root / "scenes" / f"kitchen_{seed:05d}")
+    options = TrainOptions(
+        root / "scenes", ("kitchen:0",), ("kitchen:1",), root / "run", run=SMALL,
+        validation_every=200, validation_episodes=20,
+    )  # fmt: skip
+    best = train(options, [("kitchen", 0)], [("kitchen", 1)])
+    export_bundle(best, root / "perception.onnx", root / "bundle", "test")
+    return root
+
+
+def test_bundle_is_small_and_complete(made):
+    head = BundleHead.load(made / "bundle")
+    assert head.goals == ("Laptop", "Mug")
+    assert head.feeds_prediction
+    assert head.training["episodes"] > 300
+    assert sum(f.stat().st_size for f in (made / "bundle").iterdir()) < 12e6
+
+
+def test_torch_and_onnx_answer_alike(made):
+    torch.manual_seed(1)
+    head = BundleHead.load(made / "bundle")
+    onnx = OnnxNetworks(made / "bundle", head)
+    from cfnav_core.checkpoint import load_module, load_tensors
+
+    tensors, _ = load_tensors(made / "run" / "best.safetensors")
+    model, predictor = MODELS["baseline"](32), CollisionPredictor(16)
+    load_module(made, "model", model, tensors)
+    load_module(made, "predictor", predictor, tensors)
+    both = (onnx, TorchNetworks(model, predictor, feeds=True))
+    rng = np.random.default_rng(0)
+    states = [AgentState.zeros(5, (32, 16)) for _ in both]
+    for _ in range(6):
+        features = rng.normal(size=(5, 256)).astype(np.float32)
+        detections = rng.random((5, 38, 5)).astype(np.float32)
+        goals = np.eye(38, dtype=np.float32)[rng.integers(38, size=5)]
+        previous = np.eye(6, dtype=np.float32)[rng.integers(6, size=5)]
+        answers = []
+        for networks, state in zip(both, states, strict=True):
+            state.previous_action = previous
+            answers.append(networks.step(features, detections, goals, state))
+        np.testing.assert_allclose(answers[0][0], answers[1][0], atol=1e-5)
+        np.testing.assert_allclose(answers[0][1], answers[1][1], atol=1e-5)
+        np.testing.assert_allclose(states[0].h, states[1].h, atol=1e-5)
+
+
+def test_policy_answers_as_offline_evaluation_does(made):
+    """Pictures through ``Policy`` one by one, and their features through the batched networks."""
+    head = BundleHead.load(made / "bundle")
+    networks = OnnxNetworks(made / "bundle", head)
+    perception = Perception(made / "bundle" / "perception.onnx")
+    policy = Policy.load(made / "bundle")
+    pictures = np.random.default_rng(0).integers(0, 255, (8, 300, 300, 3), np.uint8)
+    seen = perception(np.stack([preprocess(p) for p in pictures]))
+    state = AgentState.zeros(1, networks.hidden)
+    policy.reset("Mug")
+    goal = np.eye(38, dtype=np.float32)[[21]]
+    for i, picture in enumerate(pictures):
+        p_hat = None if i % 2 else 0.25
+        decision = policy.act(picture, p_hat)
+        given = None if p_hat is None else np.array([p_hat], np.float32)
+        pi, predicted = networks.step(
+            seen.features[[i]].astype(np.float32), seen.detections[[i]].astype(np.float32), goal,
+            state, given,
+        )  # fmt: skip
+        state.previous_action = np.eye(6, dtype=np.float32)[[int(decision.action)]]
+        np.testing.assert_allclose(decision.probabilities, pi[0], atol=1e-4)
+        assert decision.collision_probability == pytest.approx(float(predicted[0]), abs=1e-4)
+        assert decision.action == Action(int(pi[0].argmax()))
+
+
+def test_policy_needs_a_known_goal_and_a_usable_picture(made):
+    policy = Policy.load(made / "bundle")
+    with pytest.raises(ValueError, match="reset"):
+        policy.act(np.zeros((300, 300, 3), np.uint8))
+    with pytest.raises(ValueError, match="expected one of Laptop, Mug"):
+        policy.reset("Unicorn")
+    policy.reset("Mug")
+    with pytest.raises(PerceptionError, match="uint8"):
+        policy.act(np.zeros((300, 300, 3), np.float32))
+    with pytest.raises(PerceptionError, match="square"):
+        policy.act(np.zeros((480, 640, 3), np.uint8))
+    with pytest.raises(ValueError, match=r"expected 0\.\.1"):
+        policy.act(np.zeros((300, 300, 3), np.uint8), float("nan"))
+
+
+@pytest.mark.parametrize("damage", ["no_folder", "json", "network", "schema"])
+def test_damaged_bundle_says_what_to_do(made, tmp_path, damage):
+    folder = tmp_path / "b"
+    if damage != "no_folder":
+        shutil.copytree(made / "bundle", folder)
+        path = folder / "bundle.json"
+        if damage == "json":
+            path.write_text(path.read_text()[:-20])
+        elif damage == "network":
+            (folder / "policy.onnx").write_bytes(b"nonsense")
+        else:
+            path.write_text(json.dumps(json.loads(path.read_text()) | {"schema": 99}))
+    with pytest.raises(BundleError, match="cfnav export"):
+        Policy.load(folder)
+
+
+def test_evaluation_is_frozen_and_paired(made):
+    first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
+    again = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
+    assert first.summary() == again.summary()
+    assert paired_difference(first, again)["cf_sr_difference"] == 0
+    other = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=6)
+    with pytest.raises(ValueError, match="different episodes"):
+        paired_difference(first, other)
+    summary = first.summary()
+    assert {"sr", "spl", "cf_sr", "cf_spl"} <= set(summary)
+    rooms = first.rooms
+    assert set(rooms) == {0, 1}
+    split = len(hall().next_state)
+    np.testing.assert_array_equal(rooms, (first.episodes.states >= split).astype(int))
+
+
+def test_scenes_of_another_perception_are_refused(made, tmp_path):
+    hall().save(tmp_path / "kitchen_00000")
+    with pytest.raises(SceneError, match="sim_bridge.dataset --perception"):
+        evaluate_bundle(made / "bundle", tmp_path, 10, 0)
+
+
+class Oracle:
+    """Networks that follow the shortest way: knows the tables, needs no features."""
+
+    hidden = (1, 1)
+
+    def __init__(self, bank: SceneBank) -> None:
+        self.codes = {bank.features[s].tobytes(): s for s in range(len(bank.features))}
+        self.bank = bank
+
+    def step(self, features, detections, goals, state, collision_probability=None):
+        pi = np.zeros((len(features), 6), np.float32)
+        for i, row in enumerate(features):
+            s, goal = self.codes[row.astype(np.float16).tobytes()], int(goals[i].argmax())
+            ahead = self.bank.actions_to[self.bank.next_state[s, :5], goal]
+            best = Action.Done if self.bank.visible[s, goal] else int(ahead.argmin())
+            pi[i, best] = 1
+        return pi, np.zeros(len(features), np.float32)
+
+
+def test_an_oracle_scores_one_in_everything():
+    bank = SceneBank([hall()])
+    results = run_episodes(Oracle(bank), bank, Episodes.draw(bank, 200, 0))
+    assert all(r.cf_success and r.path_length == r.shortest_path_length for r in results)

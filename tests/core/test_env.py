@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+import torch
+
+from cfnav_core.actions import Action
+from cfnav_core.env import ObjectNavEnv, SceneBank
+from cfnav_core.scene import SceneError
+from cfnav_core.vocabulary import CATEGORY_ID
+
+from .worlds import hall
+
+
+@pytest.fixture
+def bank() -> SceneBank:
+    return SceneBank([hall(name="kitchen:0"), hall(4, 4, name="living_room:1", seed=1,
+                                                   goals={"Laptop": (3, 3)})])  # fmt: skip
+
+
+def make(bank: SceneBank, batch: int = 64, seed: int = 0) -> ObjectNavEnv:
+    return ObjectNavEnv(bank, batch, np.random.default_rng(seed))
+
+
+def test_starts_are_level_and_do_not_see_the_goal(bank):
+    env = make(bank, 500)
+    assert (env.state % 2 == 0).all()
+    assert not bank.visible[env.state.numpy(), env.goal.numpy()].any()
+    assert set(env.goal.tolist()) == {CATEGORY_ID["Laptop"], CATEGORY_ID["Mug"]}
+
+
+def test_scenes_do_not_leak_into_each_other(bank):
+    first = hall().num_states
+    crosses = (np.arange(len(bank.next_state)) < first)[:, None] != (bank.next_state < first)
+    assert not crosses.any()
+
+
+def test_blocked_move_is_a_collision_and_stays(bank):
+    env = make(bank)
+    blocked = torch.from_numpy(np.nonzero(bank.collided)[0])
+    env.state = blocked[torch.arange(env.batch) % len(blocked)]
+    before = env.state.clone()
+    result = env.step(torch.full((env.batch,), int(Action.MoveAhead)))
+    assert result.collided.all()
+    assert (env.state == before).all()
+    assert (env.collisions == 1).all()
+    assert not (result.terminated | result.truncated).any()
+
+
+def test_looking_past_the_limit_is_no_collision(bank):
+    env = make(bank)
+    before = env.state.clone()
+    result = env.step(torch.full((env.batch,), int(Action.LookUp)))
+    assert not result.collided.any()
+    assert (env.state == before).all()
+
+
+def test_done_succeeds_only_with_the_goal_in_view(bank):
+    env = make(bank)
+    seen = np.nonzero(bank.visible[:, CATEGORY_ID["Laptop"]])[0]
+    env.goal = torch.full((env.batch,), CATEGORY_ID["Laptop"])
+    env.state[0] = int(seen[0])
+    result = env.step(torch.full((env.batch,), int(Action.Done)))
+    assert result.terminated.all()
+    assert result.success[0]
+    assert not result.success[1:].any() or bank.visible[env.state.numpy(), env.goal.numpy()].any()
+
+
+def test_step_limit_truncates_and_restart_forgets(bank):
+    env = make(bank)
+    env.steps[:] = torch.from_numpy(bank.step_limit)[env.state] - 1
+    result = env.step(torch.full((env.batch,), int(Action.RotateLeft)))
+    assert result.truncated.all()
+    assert not result.terminated.any()
+    env.restart(result.truncated)
+    assert (env.steps == 0).all()
+    assert (env.collisions == 0).all()
+    assert set(np.unique(bank.step_limit)) == {100, 200}
+
+
+def test_same_seed_same_rollout(bank):
+    def states(seed: int) -> list[int]:
+        env, actions = make(bank, 8, seed), torch.Generator().manual_seed(0)
+        out = []
+        for _ in range(50):
+            step = env.step(torch.randint(0, 6, (8,), generator=actions))
+            env.restart(step.terminated | step.truncated)
+            out += env.state.tolist()
+        return out
+
+    assert states(3) == states(3)
+    assert states(3) != states(4)
+
+
+def test_scenes_of_two_perceptions_do_not_mix():
+    from dataclasses import replace
+
+    with pytest.raises(SceneError, match="2 perceptions"):
+        SceneBank([hall(), replace(hall(), perception="other")])
+    with pytest.raises(SceneError, match="no goal"):
+        SceneBank([hall(goals={})])

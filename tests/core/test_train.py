@@ -1,0 +1,113 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cfnav_core.checkpoint import CheckpointError, load_tensors
+from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
+from cfnav_core.env import SceneBank
+from cfnav_core.evaluate import Episodes, run_episodes
+from cfnav_core.metrics import cf_sr
+from cfnav_core.networks import TorchNetworks
+from cfnav_core.train import BEST, CHECKPOINT, STAGE1, Run, TrainOptions, train
+
+from .worlds import hall
+
+ROOMS = (("kitchen:0",), ("kitchen:1",))
+PARSED = ([("kitchen", 0)], [("kitchen", 1)])
+
+
+@pytest.fixture
+def scenes(tmp_path) -> Path:
+    for seed in range(2):
+        hall(5, 4, seed=0, name=f"kitchen:{seed}").save(tmp_path / "scenes" / f"kitchen_{seed:05d}")
+    return tmp_path / "scenes"
+
+
+def options(scenes: Path, method: str, e1: int, e2: int, **kw) -> TrainOptions:
+    hp = Hyperparameters(stage1_episodes=e1, stage2_episodes=e2, batch=64, lr=2e-3)
+    run = RunConfig(method, hyperparameters=hp, size=ModelSize(64, 16))
+    return TrainOptions(scenes, *ROOMS, out=scenes.parent / method, run=run,
+                        validation_every=1000, validation_episodes=50, **kw)  # fmt: skip
+
+
+def test_learns_a_small_hall_and_collides_less(scenes):
+    """Same hall for training and validation: CF-SR must rise far above where it began."""
+    chosen = options(scenes, "ours", 6000, 6000)
+    best = train(chosen, *PARSED)
+    log = [json.loads(line) for line in (chosen.out / "log.jsonl").read_text().splitlines()]
+    assert log[0]["cf_sr"] < 0.25
+    assert log[-1]["cf_sr"] > log[0]["cf_sr"] + 0.4
+    stage1 = [row for row in log if row["episodes"] <= 6500]
+    assert stage1[-1]["collision_loss"] < stage1[0]["collision_loss"]
+    assert log[-1]["collisions_per_episode"] < stage1[-1]["collisions_per_episode"]
+    assert "collision_loss" not in log[-1]
+    run = Run(chosen, *PARSED)
+    run.resume()
+    bank = SceneBank.load(scenes, PARSED[0])
+    episodes = Episodes.draw(bank, 200, 0)
+    networks = TorchNetworks(run.model, run.predictor, feeds=True)
+    assert cf_sr(run_episodes(networks, bank, episodes)) > 0.6
+    assert best.exists()
+
+
+def test_stage_one_is_shared_and_the_predictor_frozen_after_it(scenes):
+    first = options(scenes, "ours", 300, 200)
+    train(first, *PARSED)
+    other = options(scenes, "stage_only", 300, 200, stage1=first.out / STAGE1)
+    train(other, *PARSED)
+    at_stage1, _ = load_tensors(first.out / STAGE1)
+    for folder in (first.out, other.out):
+        at_end, head = load_tensors(folder / CHECKPOINT)
+        assert head["episodes"] >= 500
+        assert all(
+            (at_stage1[k] == at_end[k]).all() for k in at_stage1 if k.startswith("predictor.")
+        )
+        assert any((at_stage1[k] != at_end[k]).any() for k in at_end if k.startswith("model."))
+
+
+def test_rooms_cannot_both_train_and_validate(scenes):
+    with pytest.raises(ValueError, match="both training and validation"):
+        train(options(scenes, "ours", 10, 10), [("kitchen", 0)], [("kitchen", 0)])
+
+
+def test_damaged_checkpoint_says_so(scenes):
+    chosen = options(scenes, "plain", 100, 100)
+    chosen.out.mkdir(parents=True)
+    (chosen.out / CHECKPOINT).write_bytes(b"\0" * 100)
+    with pytest.raises(CheckpointError, match="delete it"):
+        train(chosen, *PARSED)
+
+
+def test_killed_run_goes_on(scenes):
+    out = scenes.parent / "killed"
+    command = [
+        sys.executable, "-m", "cfnav_core.cli", "train", "--scenes", str(scenes),
+        "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
+        "--run.hyperparameters.stage1-episodes", "400", "--run.hyperparameters.stage2-episodes",
+        "1500", "--run.hyperparameters.batch", "32", "--run.size.hidden", "16",
+        "--run.size.predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
+        "--validation-every", "400",
+    ]  # fmt: skip
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    try:
+        while process.poll() is None:
+            try:
+                _, head = load_tensors(out / CHECKPOINT)
+            except CheckpointError:
+                continue
+            if head["episodes"] > 450:
+                break
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    _, killed_at = load_tensors(out / CHECKPOINT)
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    _, head = load_tensors(out / CHECKPOINT)
+    assert head["episodes"] >= 1900
+    assert f"{killed_at['episodes']}/1900" in done.stderr
+    assert (out / BEST).exists()

@@ -1,0 +1,55 @@
+"""Small hand-made scenes: an open hall with a few pillars, every state with its own features."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.perception import FEATURES
+from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
+from cfnav_core.vocabulary import CATEGORIES, CATEGORY_ID
+
+STEPS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+
+
+def hall(
+    width: int = 6, depth: int = 5, pillars: tuple[tuple[int, int], ...] = ((2, 2),),
+    goals: dict[str, tuple[int, int]] | None = None, seed: int = 0, name: str = "kitchen:0",
+) -> OfflineScene:  # fmt: skip
+    """A grid of cells; a goal is visible from states up to one cell away that face it level.
+
+    The features of a state are a fixed random code, so a network can learn every state by heart.
+    """
+    goals = {"Laptop": (5, 4), "Mug": (0, 4)} if goals is None else goals
+    cells = [(i, j) for i in range(width) for j in range(depth) if (i, j) not in pillars]
+    index = {c: k for k, c in enumerate(cells)}
+    per = HEADINGS * HORIZONS
+    states = len(cells) * per
+    next_state = np.tile(np.arange(states, dtype=np.int32)[:, None], (1, NUM_ACTIONS))
+    collided = np.zeros(states, bool)
+    visible = np.zeros((states, len(CATEGORIES)), bool)
+    for s in range(states):
+        (i, j), heading, horizon = cells[s // per], s // HORIZONS % HEADINGS, s % HORIZONS
+        di, dj = STEPS[heading]
+        target = index.get((i + di, j + dj))
+        corner = (i + di, j) in index and (i, j + dj) in index
+        collided[s] = target is None or (di and dj and not corner)
+        base = s // per * per
+        if not collided[s]:
+            next_state[s, Action.MoveAhead] = target * per + heading * HORIZONS + horizon
+        next_state[s, Action.RotateLeft] = base + (heading + 1) % HEADINGS * HORIZONS + horizon
+        next_state[s, Action.RotateRight] = base + (heading - 1) % HEADINGS * HORIZONS + horizon
+        next_state[s, Action.LookUp] = base + heading * HORIZONS
+        next_state[s, Action.LookDown] = base + heading * HORIZONS + 1
+        for goal, (gi, gj) in goals.items():
+            here = (i, j) == (gi, gj) or (i + di, j + dj) == (gi, gj)
+            visible[s, CATEGORY_ID[goal]] = here and horizon == 0
+    rng = np.random.default_rng(seed)
+    features = rng.normal(size=(states, FEATURES)).astype(np.float16)
+    detections = np.zeros((states, len(CATEGORIES), 5), np.float16)
+    detections[..., 0] = detections[..., 4] = visible
+    positions = np.array(cells, np.float32) * 0.25
+    return OfflineScene(
+        name, name.split(":")[0], "test", "test", features, detections, next_state, collided,
+        visible, positions,
+    )  # fmt: skip
