@@ -60,7 +60,8 @@ def check_base(
         other_publishers: names of other nodes that publish on it.
         cmd_vel_type: auto, stamped or unstamped.
         allow_robot: whether anything but the mock may be driven.
-        other_publishers_allowed: nodes that may publish beside us (a teleoperation under a deadman button).
+        other_publishers_allowed: nodes that may publish beside us, such as a joystick's that
+            speaks only while its deadman button is held.
 
     Returns:
         The message type, or one sentence why not (yet).
