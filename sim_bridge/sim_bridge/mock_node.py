@@ -47,7 +47,11 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class MockTurtleBot4(Node):
-    """The node. ``run`` is its main loop; the thread that calls it owns world and camera."""
+    """The node, with its room built; ``set_up`` and ``run`` follow in the same thread.
+
+    Raises:
+        ValueError: with one sentence, for parameters that cannot be used.
+    """
 
     def __init__(self) -> None:
         super().__init__("mock_turtlebot4", automatically_declare_parameters_from_overrides=True)
@@ -62,21 +66,19 @@ class MockTurtleBot4(Node):
             Every(SCAN_PERIOD, self._publish_scan),
             Every(CAMERA_PERIOD, self._publish_picture),
         )
-        self.camera: Camera | None = None
+        world, self.camera = self._build(self.parameters.room)
+        self.simulator = Simulator(world)
         self._seen: tuple[tuple, bool] = ((), False)
 
     def set_up(self) -> None:
-        """Build the room, put the robot down, and make sure that no other robot is about.
+        """Put the robot down and make sure that no other robot is about.
 
         Raises:
             ValueError: with one sentence, when the parameters ask for what cannot be had.
         """
         p = self.parameters
-        world = World(generate_room(*parse_room(p.room)))
-        self.camera = Camera(world, width=p.camera_size, height=p.camera_size)
-        self.simulator = Simulator(world)
         if p.goal:
-            start = start_episode(world, self.camera, p.goal, p.seed)
+            start = start_episode(self.simulator.world, self.camera, p.goal, p.seed)
             self.simulator.start_episode(p.goal, start)
         elif p.start:
             self._put_at(*p.start)
@@ -125,9 +127,13 @@ class MockTurtleBot4(Node):
 
     def close(self) -> None:
         """Free the camera and the node; in the thread that ran the loop."""
-        if self.camera is not None:
-            self.camera.close()
+        self.camera.close()
         self.destroy_node()
+
+    def _build(self, room: str) -> tuple[World, Camera]:
+        world = World(generate_room(*parse_room(room)))
+        size = self.parameters.camera_size
+        return world, Camera(world, width=size, height=size)
 
     def _advertise(self) -> None:
         publish = self.create_publisher
@@ -144,22 +150,27 @@ class MockTurtleBot4(Node):
         self._map = publish(OccupancyGrid, "ground_truth/map", LATCHED)
 
     def _listen(self) -> None:
-        self.create_subscription(
-            TwistStamped, "cmd_vel", lambda m: self._hand_over(self._command, m.twist), NEWEST
+        subscribe = self.create_subscription
+        subscribe(TwistStamped, "cmd_vel", self._on_stamped_velocity, NEWEST)
+        subscribe(Twist, "cmd_vel_unstamped", self._on_velocity, NEWEST)
+        subscribe(Float64, "camera_tilt/command", self._on_tilt, 10)
+        self.create_service(
+            StartEpisode, "simulator/start_episode", self._in_loop(self._start_episode)
         )
-        self.create_subscription(
-            Twist, "cmd_vel_unstamped", lambda m: self._hand_over(self._command, m), NEWEST
-        )
-        self.create_subscription(
-            Float64, "camera_tilt/command", lambda m: self._hand_over(self._tilt, m.data), 10
-        )
-        for kind, name, answer in (
-            (StartEpisode, "simulator/start_episode", self._start_episode),
-            (EndEpisode, "simulator/end_episode", self._end_episode),
-        ):
-            self.create_service(
-                kind, name, lambda q, r, answer=answer: self._hand_over(answer, q, r).result()
-            )
+        self.create_service(EndEpisode, "simulator/end_episode", self._in_loop(self._end_episode))
+
+    def _on_stamped_velocity(self, message: TwistStamped) -> None:
+        self._on_velocity(message.twist)
+
+    def _on_velocity(self, twist: Twist) -> None:
+        self._hand_over(self.simulator.command, twist.linear.x, twist.angular.z)
+
+    def _on_tilt(self, message: Float64) -> None:
+        self._hand_over(self.simulator.tilt_to, message.data)
+
+    def _in_loop(self, answer: Callable) -> Callable:
+        """A service callback that waits until the loop has answered."""
+        return lambda request, response: self._hand_over(answer, request, response).result()
 
     def _hand_over(self, action: Callable, *arguments: object) -> Future:
         """Leave work for the loop; called from the executor's thread."""
@@ -176,12 +187,6 @@ class MockTurtleBot4(Node):
                 task.cancel()
                 raise
 
-    def _command(self, twist: Twist) -> None:
-        self.simulator.command(twist.linear.x, twist.angular.z)
-
-    def _tilt(self, tilt: float) -> None:
-        self.simulator.tilt_to(tilt)
-
     def _start_episode(
         self, request: StartEpisode.Request, response: StartEpisode.Response
     ) -> StartEpisode.Response:
@@ -189,8 +194,7 @@ class MockTurtleBot4(Node):
         new_room = request.room != world.room.name
         try:
             if new_room:
-                world = World(generate_room(*parse_room(request.room)))
-                camera = Camera(world, self.parameters.camera_size, self.parameters.camera_size)
+                world, camera = self._build(request.room)
             start = start_episode(world, camera, request.goal, request.seed)
         except ValueError as error:
             if camera is not self.camera:

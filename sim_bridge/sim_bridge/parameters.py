@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
@@ -11,7 +12,7 @@ from rclpy.node import Node
 _OWNED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 
 
-def _parameter(default: object, description: str) -> object:
+def _parameter(default: Any, description: str) -> Any:
     return field(default=default, metadata={"description": description})
 
 
@@ -58,7 +59,7 @@ def read_parameters(node: Node) -> MockParameters:
     unknown = sorted(set(node.get_parameters_by_prefix("")) - set(known) - _OWNED_BY_RCLPY)
     if unknown:
         raise ValueError(f"parameter '{unknown[0]}' is unknown; known are {', '.join(known)}.")
-    values = {}
+    values: dict[str, Any] = {}
     for name, f in known.items():
         if not node.has_parameter(name):
             descriptor = ParameterDescriptor(
@@ -69,7 +70,7 @@ def read_parameters(node: Node) -> MockParameters:
     return MockParameters(**values)
 
 
-def _typed(name: str, value: object, default: object) -> object:
+def _typed(name: str, value: Any, default: Any) -> Any:
     """The value in the type of the default; YAML writes 2 where a float 2.0 is meant."""
     if isinstance(default, tuple) and not isinstance(value, (str, bool, int, float)):
         return tuple(value)

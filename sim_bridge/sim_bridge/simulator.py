@@ -92,6 +92,15 @@ class Simulator:
         """Simulated time, s."""
         return self.steps * self.world.timestep
 
+    def _rest(self) -> None:
+        self.base.stop()
+        self._speed = 0.0
+        self.tilt_target = 0.0
+        self.collisions = Collisions()
+        self.path_length = 0.0
+        self.goal = ""
+        self.shortest_path = 0.0
+
     def enter(self, world: World) -> None:
         """Go on in another world; time and odometry continue, an episode that ran is dropped."""
         self.world = world
@@ -175,15 +184,6 @@ class Simulator:
         began = self.collisions.update(self.time, self.world.contacts(), self._speed)
         self._speed = distance / self.world.timestep
         return began
-
-    def _rest(self) -> None:
-        self.base.stop()
-        self._speed = 0.0
-        self.tilt_target = 0.0
-        self.collisions = Collisions()
-        self.path_length = 0.0
-        self.goal = ""
-        self.shortest_path = 0.0
 
 
 def _motion(before: Pose, after: Pose) -> tuple[float, float, float]:
