@@ -67,7 +67,7 @@ class MotionLimits:
     move_deadline: float = field(default=5.0, metadata={"help": "s"})
     turn_deadline: float = field(default=4.0, metadata={"help": "s"})
     stall_time: float = field(default=1.0, metadata={"help": "no progress for this long, s"})
-    latency: float = field(default=0.05, metadata={"help": "age of odometry when used, s"})
+    latency: float = field(default=0.05, metadata={"help": "until a command takes effect, s"})
     heading_gain: float = field(default=2.0, metadata={"help": "rad/s per rad while driving"})
     hold_rate: float = field(default=0.5, metadata={"help": "most of the heading hold, rad/s"})
 
@@ -202,7 +202,7 @@ class Motion:
         self._last = odometry
         if self._status is not Status.DRIVING:
             return STOP, self._status
-        return self._drive(remaining, odometry, dt), self._status
+        return self._drive(remaining, odometry, dt, self._lag(t, odometry)), self._status
 
     def bump(self) -> None:
         """The bumper was hit: a MoveAhead ends, a turn goes on (it may be the way out)."""
@@ -222,7 +222,8 @@ class Motion:
         if jumped(self._last, odometry):
             self.reason = "Odometry jumped between two samples."
             return Status.ODOM_JUMP
-        if remaining <= tolerance:
+        # By the time a zero takes effect the robot has gone on.
+        if remaining <= tolerance + self._speed * self._lag(t, odometry):
             return Status.SUCCEEDED
         if remaining > marked + RETREAT * stall:
             self.reason = f"The base backed off during {self.action.name}."
@@ -237,15 +238,19 @@ class Motion:
             return Status.TIMEOUT
         return Status.DRIVING
 
-    def _drive(self, remaining: float, odometry: Odometry, dt: float) -> Command:
+    def _lag(self, t: float, odometry: Odometry) -> float:
+        """Seconds from the sample until a command sent now takes effect."""
+        return self._limits.latency + min(max(t - odometry.stamp, 0.0), MAX_GAP_S)
+
+    def _drive(self, remaining: float, odometry: Odometry, dt: float, lag: float) -> Command:
         limits = self._limits
         if self._side:
             self._speed = trapezoid(
-                remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, limits.latency
+                remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, lag
             )
             return Command(w=self._side * self._speed)
         self._speed = trapezoid(
-            remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, limits.latency
+            remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, lag
         )
         hold = limits.heading_gain * wrap(self._heading - odometry.yaw)
         return Command(self._speed, max(-limits.hold_rate, min(limits.hold_rate, hold)))

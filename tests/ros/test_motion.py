@@ -84,6 +84,25 @@ def test_a_turn_is_45_degrees(action):
     assert max(abs(c.w) for c in commands) <= 1.0
 
 
+@pytest.mark.parametrize("periods", [2, 4])
+def test_late_odometry_costs_centimetres_not_decimetres(periods):
+    """Without looking at its stamp the robot would drive 0.2 m/s times the delay too far."""
+    base, history = Base(), []
+
+    def late(base):
+        history.append(base.reported)
+        return history[max(len(history) - 1 - periods, 0)]
+
+    status, _, _ = run(base, Action.MoveAhead, change=late)
+    assert status is Status.SUCCEEDED
+    assert base.x == pytest.approx(0.25, abs=0.012)
+    base = Base()
+    history.clear()
+    status, _, _ = run(base, Action.RotateLeft, change=late)
+    assert status is Status.SUCCEEDED
+    assert math.degrees(base.yaw) == pytest.approx(45.0, abs=2.0)
+
+
 def test_turns_do_not_add_up_their_errors():
     """Every turn may end a little off, none is further off than one: also past +-180 degrees."""
     base = Base(yaw=0.3)

