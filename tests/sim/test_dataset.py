@@ -1,0 +1,91 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from cfnav_core.perception import Perception, preprocess
+from cfnav_core.perception_net import PerceptionNet, export_perception
+from cfnav_core.picture_set import PictureSet
+from cfnav_core.scene import OfflineScene
+from cfnav_core.vocabulary import CATEGORIES
+from sim_bridge.camera import Camera
+from sim_bridge.dataset import Options, render_views, run
+from sim_bridge.grid import state_grid
+from sim_bridge.room import generate_room
+from sim_bridge.world import World
+
+
+@pytest.fixture(scope="module")
+def perception(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("p") / "perception.onnx"
+    torch.manual_seed(0)
+    export_perception(PerceptionNet(), path)
+    return path
+
+
+def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
+    options = Options(["bathroom:3"], tmp_path, perception, keep_pictures=True, processes=1)
+    run(options)
+    scene = OfflineScene.load(tmp_path / "bathroom_00003")
+    world = World(generate_room("bathroom", 3))
+    grid, observe = state_grid(world), Perception(perception)
+    np.testing.assert_array_equal(scene.next_state, grid.next_state)
+    with Camera(world) as camera:
+        for state in (0, 7, scene.num_states - 1):
+            pose = grid.pose(state)
+            seen = observe(preprocess(camera.rgb(pose))[None])
+            np.testing.assert_allclose(scene.features[state], seen.features[0], atol=2e-3)
+            np.testing.assert_array_equal(
+                scene.visible[state], camera.visible_categories(pose, camera.owner_pixels(pose))
+            )
+    # a second run renders nothing; another perception makes features again from the pictures
+    run(options)
+    assert "1 were there already" in capsys.readouterr().out
+    torch.manual_seed(1)
+    export_perception(PerceptionNet(), tmp_path / "other.onnx")
+    run(Options(["bathroom:3"], tmp_path, tmp_path / "other.onnx", processes=1))
+    again = OfflineScene.load(tmp_path / "bathroom_00003")
+    assert again.perception != scene.perception
+    assert (np.asarray(again.features) != scene.features).any()
+
+
+def test_views_carry_consistent_labels(tmp_path):
+    render_views("kitchen", 1000, tmp_path, 20)
+    views = PictureSet.load(tmp_path / "kitchen_01000")
+    assert views.heat.shape == (20, 19, 19, len(CATEGORIES))
+    shown = views.heat.astype(int).sum((1, 2))
+    # what is visible has pixels
+    assert (shown[views.visible] >= 40).all()
+    assert 0.3 < views.depth.astype(float).mean() < 6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--rooms", "attic:1"], "expected TYPE:SEED"),
+        ([], "found no rooms"),
+        (["--rooms", "kitchen:1", "--perception", "nowhere.onnx"], "no usable perception"),
+    ],
+)
+def test_bad_input_is_one_sentence(tmp_path, arguments, sentence):
+    command = [sys.executable, "-m", "sim_bridge.dataset", "--out", str(tmp_path), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_no_gl_library_is_one_sentence(tmp_path, perception):
+    command = [sys.executable, "-m", "sim_bridge.dataset", "--rooms", "kitchen:1", "--views", "1",
+               "--out", str(tmp_path)]  # fmt: skip
+    env = {k: v for k, v in os.environ.items() if k != "CFNAV_GL_CHOSEN"}
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**env, "MUJOCO_GL": "glfw"}
+    )
+    assert done.returncode == 2
+    assert "apt-get install libosmesa6" in done.stderr
+    assert "Traceback" not in done.stderr
