@@ -3,8 +3,6 @@ SHELL := /bin/bash
 .PHONY: help setup setup-test demo test test-long lint bench train-demo clean
 
 PYTHON ?= python3
-SEED ?= 1
-SPEED ?= 1
 OUT ?= out/demo
 BENCH_OUT ?= out/bench
 TESTS ?= tests
@@ -23,9 +21,9 @@ setup: ## Build everything the demo needs (.venv, ROS, the workspace)
 setup-test: ## The same, with what tests and training need
 	@$(PYTHON) scripts/set_up.py --test
 
-demo: setup ## Drive a simulated TurtleBot 4 to objects: ROOM=kitchen:25 GOALS=Fridge,Laptop SEED=1 SPEED=1
+demo: setup ## Drive a simulated TurtleBot 4 to objects: ROOM=kitchen:25 GOALS=Fridge,Laptop SEED=2 SPEED=1
 	@$(ENV) exec python -m cfnav_ros.demo $(if $(ROOM),--room $(ROOM)) $(if $(GOALS),--goals $(GOALS)) \
-	  --seed $(SEED) --speed $(SPEED) --out $(OUT)
+	  $(if $(SEED),--seed $(SEED)) $(if $(SPEED),--speed $(SPEED)) --out $(OUT)
 
 test: setup-test ## Run the tests, the ROS graph included (TESTS=tests/ros for a part)
 	@$(ENV) CFNAV_REQUIRE_ROS=1 exec python -m pytest -m "not long" $(TESTS)

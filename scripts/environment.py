@@ -72,7 +72,10 @@ def venv_works(ros: str) -> bool:
     script = "import sys, pip; print(sys.prefix, *sys.version_info[:2])"
     try:
         answer = subprocess.run(
-            [VENV / "bin/python", "-c", script], capture_output=True, text=True, env=clean(os.environ)
+            [VENV / "bin/python", "-c", script],
+            capture_output=True,
+            text=True,
+            env=clean(os.environ),
         )
     except OSError:
         return False
@@ -120,27 +123,69 @@ class Builder:
         """
         python = f"{sys.version_info[0]}.{sys.version_info[1]}"
         base = [str(ROOT), python, self.ros]
-        locks = [*base, REQUIREMENTS / "demo.txt", REQUIREMENTS / "ros.txt", ROOT / "scripts/mend_wheels.py"]
+        locks = [
+            *base,
+            REQUIREMENTS / "demo.txt",
+            REQUIREMENTS / "ros.txt",
+            ROOT / "scripts/mend_wheels.py",
+        ]
         site = VENV / f"lib/python{python}/site-packages"
         shims = [ROOT / p / f for p in PACKAGES for f in ("package.xml", "setup.py", "setup.cfg")]
         sources = [WORKSPACE / name for name in ("src", "fallback", "colcon_defaults.yaml")]
         steps = [
-            Step("venv", f"Virtual environment .venv (Python {python})",
-                 VENV / "bin/pip", base, self.make_venv, clear_venv),
-            Step("packages", "Python packages" + (" with ROS 2 Jazzy" if self.ros == WHEELS else "")
-                 + " (1 to 3 minutes)", ROS_FILE, locks, self.install_packages, clear_venv),
-            Step("project", "cfnav itself", VENV / "bin/cfnav",
-                 [*base, ROOT / "pyproject.toml"], self.install_project, clear_venv),
-            Step("workspace", "ROS interfaces and packages with colcon (1 to 2 minutes)",
-                 WORKSPACE / "install/local_setup.bash", [*locks, *shims, *sources],
-                 self.build_workspace, clear_workspace),
+            Step(
+                "venv",
+                f"Virtual environment .venv (Python {python})",
+                VENV / "bin/pip",
+                base,
+                self.make_venv,
+                clear_venv,
+            ),
+            Step(
+                "packages",
+                "Python packages"
+                + (" with ROS 2 Jazzy" if self.ros == WHEELS else "")
+                + " (1 to 3 minutes)",
+                ROS_FILE,
+                locks,
+                self.install_packages,
+                clear_venv,
+            ),
+            Step(
+                "project",
+                "cfnav itself",
+                VENV / "bin/cfnav",
+                [*base, ROOT / "pyproject.toml"],
+                self.install_project,
+                clear_venv,
+            ),
+            Step(
+                "workspace",
+                "ROS interfaces and packages with colcon (1 to 2 minutes)",
+                WORKSPACE / "install/local_setup.bash",
+                [*locks, *shims, *sources],
+                self.build_workspace,
+                clear_workspace,
+            ),
         ]
         if test:
             steps += [
-                Step("test", "Packages for tests and training", VENV / "bin/mypy",
-                     [*base, REQUIREMENTS / "test.txt"], self.install_test_packages, clear_venv),
-                Step("torch", f"torch {TORCH} (1 to 2 minutes)", site / "torch/__init__.py",
-                     [*base, TORCH], self.install_torch, clear_venv),
+                Step(
+                    "test",
+                    "Packages for tests and training",
+                    VENV / "bin/mypy",
+                    [*base, REQUIREMENTS / "test.txt"],
+                    self.install_test_packages,
+                    clear_venv,
+                ),
+                Step(
+                    "torch",
+                    f"torch {TORCH} (1 to 2 minutes)",
+                    site / "torch/__init__.py",
+                    [*base, TORCH],
+                    self.install_torch,
+                    clear_venv,
+                ),
             ]
         return steps
 
@@ -151,12 +196,24 @@ class Builder:
         clear_venv()
         # The Python modules of a ROS from apt (lark, catkin_pkg) lie in the system's site-packages.
         options = [] if self.ros == WHEELS else ["--system-site-packages"]
-        self.run([sys.executable, "-m", "venv", *options, str(VENV)], "Could not make the virtual environment .venv")
+        self.run(
+            [sys.executable, "-m", "venv", *options, str(VENV)],
+            "Could not make the virtual environment .venv",
+        )
 
     def pip(self, *arguments: str) -> None:
         """Installs with pip."""
         self.run(
-            [str(VENV / "bin/python"), "-m", "pip", "install", "--no-input", "--progress-bar", "off", *arguments],
+            [
+                str(VENV / "bin/python"),
+                "-m",
+                "pip",
+                "install",
+                "--no-input",
+                "--progress-bar",
+                "off",
+                *arguments,
+            ],
             "pip could not install the packages",
         )
 
@@ -180,14 +237,29 @@ class Builder:
         prefix = VENV if self.ros == WHEELS else Path(self.ros)
         fallback = sorted(p.parent for p in WORKSPACE.glob("fallback/*/package.xml"))
         lacking = [p for p in fallback if not (prefix / "share" / p.name / "package.xml").exists()]
-        paths = ["src", *(f"../{name}" for name in PACKAGES), *(f"fallback/{p.name}" for p in lacking)]
-        colcon = [str(VENV / "bin/python"), "-m", "colcon", "build", "--base-paths", *paths, "--cmake-clean-cache"]
+        paths = [
+            "src",
+            *(f"../{name}" for name in PACKAGES),
+            *(f"fallback/{p.name}" for p in lacking),
+        ]
+        colcon = [
+            str(VENV / "bin/python"),
+            "-m",
+            "colcon",
+            "build",
+            "--base-paths",
+            *paths,
+            "--cmake-clean-cache",
+        ]
         self.run(self.in_ros(colcon), "colcon could not build ros_ws", WORKSPACE)
 
     def in_ros(self, command: Sequence[str]) -> list[str]:
         """The command, run where this ROS is found."""
         if self.ros == WHEELS:
-            paths = [f"{name}={VENV}" for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "VIRTUAL_ENV")]
+            paths = [
+                f"{name}={VENV}"
+                for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "VIRTUAL_ENV")
+            ]
             return ["env", *paths, *command]
         return ["bash", "-c", 'source "$0/setup.bash" && exec "$@"', self.ros, *command]
 
@@ -198,7 +270,16 @@ class Builder:
     def install_torch(self) -> None:
         """Installs torch, its CPU build where pip finds one."""
         cpu = f"torch=={TORCH}+cpu"
-        look = [str(VENV / "bin/python"), "-m", "pip", "install", "--no-deps", "--dry-run", "-q", cpu]
+        look = [
+            str(VENV / "bin/python"),
+            "-m",
+            "pip",
+            "install",
+            "--no-deps",
+            "--dry-run",
+            "-q",
+            cpu,
+        ]
         if subprocess.run(look, env=clean(os.environ), capture_output=True).returncode == 0:
             self.pip("--no-deps", cpu)
             return

@@ -51,7 +51,12 @@ def run(command: Sequence[str], failure: str, cwd: Path = ROOT) -> None:
         log.flush()
         start = log.tell()
         done = subprocess.run(
-            command, cwd=cwd, env=environment.clean(os.environ), stdout=log, stderr=log, stdin=subprocess.DEVNULL
+            command,
+            cwd=cwd,
+            env=environment.clean(os.environ),
+            stdout=log,
+            stderr=log,
+            stdin=subprocess.DEVNULL,
         )
         if done.returncode == 0:
             return
@@ -102,7 +107,10 @@ def main() -> int:
             print(f"Set-up failed: {error}", file=sys.stderr)
             return 1
         except KeyboardInterrupt:
-            print("Set-up interrupted; the next run starts the interrupted step afresh.", file=sys.stderr)
+            print(
+                "Set-up interrupted; the next run starts the interrupted step afresh.",
+                file=sys.stderr,
+            )
             return 130
     return 0
 

@@ -70,7 +70,10 @@ def apt_prefix() -> list[str] | None:
         return None
     if os.geteuid() == 0:
         return []
-    if shutil.which("sudo") and subprocess.run(["sudo", "-n", "true"], capture_output=True).returncode == 0:
+    if (
+        shutil.which("sudo")
+        and subprocess.run(["sudo", "-n", "true"], capture_output=True).returncode == 0
+    ):
         return ["sudo", "-n"]
     return None
 
@@ -103,9 +106,7 @@ def check_python(version: tuple[int, int]) -> None:
         )
 
 
-def install_missing(
-    run: Callable[[Sequence[str], str], None], tell: Callable[[str], None]
-) -> None:
+def install_missing(run: Callable[[Sequence[str], str], None], tell: Callable[[str], None]) -> None:
     """Installs what the machine lacks.
 
     Args:

@@ -1,0 +1,166 @@
+"""Fixtures for tests that run real processes on a ROS graph of their own.
+
+A test marked `ros` that is skipped counts as failed when CFNAV_REQUIRE_ROS is set, as `make test` does.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+DEADLINE_S = 60.0
+DOMAINS = range(1, 102)  # above 101, Fast DDS ports overlap Linux's ephemeral ports
+
+
+def _fail_instead_of_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
+    if not report.skipped or hasattr(report, "wasxfail"):
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    report.outcome = "failed"
+    report.longrepr = f"A ROS test may not be skipped here ({reason}). Run it through `make test`."
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Turns the skip of a ROS test into a failure where ROS is required."""
+    report = yield
+    if os.environ.get("CFNAV_REQUIRE_ROS") and item.get_closest_marker("ros"):
+        _fail_instead_of_skip(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """The same for a whole module that skips itself, as with `importorskip("rclpy")`."""
+    report = yield
+    if os.environ.get("CFNAV_REQUIRE_ROS") and collector.path.is_relative_to(ROOT / "tests/ros"):
+        _fail_instead_of_skip(report)
+    return report
+
+
+def wait_until(condition: Callable[[], object], what: str, timeout_s: float = DEADLINE_S) -> None:
+    """Waits for a condition.
+
+    Args:
+        condition: Called every 20 ms until it is true.
+        what: The condition in words, for the failure.
+        timeout_s: Wall time, seconds, after which the test fails.
+    """
+    end = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end:
+            pytest.fail(f"{what}: not within {timeout_s:.0f} s")
+        time.sleep(0.02)
+
+
+class RunningProcess:
+    """A child process and everything it has written, stdout and stderr together."""
+
+    def __init__(self, command: list[str], log: Path, environment: dict[str, str]) -> None:
+        self._log = log
+        with log.open("wb") as output:
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=environment
+            )
+
+    @property
+    def output(self) -> str:
+        """What it has written so far."""
+        return self._log.read_text(errors="replace")
+
+    def wait_for_line(self, pattern: str, timeout_s: float = DEADLINE_S) -> re.Match[str]:
+        """Waits until a line of the output matches; fails when the process ends before."""
+        found: list[re.Match[str]] = []
+
+        def seen() -> bool:
+            ended = self.process.poll() is not None
+            match = re.search(pattern, self.output, re.MULTILINE)
+            if match is None and ended:
+                pytest.fail(
+                    f"ended with {self.process.returncode} before '{pattern}':\n{self.output}"
+                )
+            found.extend([match] if match else [])
+            return bool(found)
+
+        wait_until(seen, f"a line '{pattern}'", timeout_s)
+        return found[0]
+
+    def wait(self, timeout_s: float = DEADLINE_S) -> int:
+        """Waits for the end and returns the exit code."""
+        try:
+            return self.process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f"still running after {timeout_s:.0f} s:\n{self.output}")
+
+    def interrupt(self, timeout_s: float = DEADLINE_S) -> int:
+        """Sends SIGINT, as Ctrl-C does, and returns the exit code."""
+        self.process.send_signal(signal.SIGINT)
+        return self.wait(timeout_s)
+
+    def end(self) -> None:
+        """Ends it however it takes."""
+        for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            if self.process.poll() is None:
+                self.process.send_signal(sign)
+            try:
+                self.process.wait(5)
+                return
+            except subprocess.TimeoutExpired:
+                continue
+
+
+@pytest.fixture
+def ros_domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A ROS domain that no other test on this machine has now; set for this process and children."""
+    folder = Path(tempfile.gettempdir(), "cfnav-domains")
+    folder.mkdir(exist_ok=True)
+    start = os.getpid() + time.monotonic_ns() // 1000
+    for offset in DOMAINS:
+        domain = DOMAINS[(start + offset) % len(DOMAINS)]
+        with (folder / str(domain)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+            monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            yield domain
+            return
+    pytest.fail(f"all {len(DOMAINS)} ROS domains are taken by other tests")
+
+
+@pytest.fixture
+def start_process(ros_domain_id: int, tmp_path: Path) -> Iterator[Callable[..., RunningProcess]]:
+    """A function that starts a module ("cfnav_ros.policy_node") or an executable (a Path).
+
+    Everything it started is ended after the test.
+    """
+    started: list[RunningProcess] = []
+
+    def start(target: str | Path, *arguments: str, **variables: str) -> RunningProcess:
+        program = [str(target)] if isinstance(target, Path) else [sys.executable, "-m", target]
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(ros_domain_id), **variables}
+        process = RunningProcess(
+            [*program, *arguments], tmp_path / f"process{len(started)}.log", environment
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in reversed(started):
+        process.end()
