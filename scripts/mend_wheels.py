@@ -1,12 +1,11 @@
-"""Mends the ROS wheels' CMake files, which name the Python and NumPy headers of the wheels' builder.
+"""Mends the ROS wheels' CMake files: they name the header folders of the wheels' builder.
 
-Run it with the Python of the virtual environment: `.venv/bin/python scripts/mend_wheels.py`. Packages
-of interfaces then build against the wheels. Running it again changes nothing.
+Run it with the Python of the virtual environment: `.venv/bin/python scripts/mend_wheels.py`.
+Packages of interfaces then build against the wheels. Running it again changes nothing.
 """
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import sysconfig
@@ -58,7 +57,7 @@ def mend_files(share: Path, python_headers: str, numpy_headers: str) -> int:
         if mended != text:
             temporary = path.with_suffix(".partial")
             temporary.write_text(mended)
-            os.replace(temporary, path)
+            temporary.replace(path)
             changed += 1
     return changed
 

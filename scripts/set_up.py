@@ -3,8 +3,8 @@
     python3 scripts/set_up.py          what the demo needs
     python3 scripts/set_up.py --test   and what the tests need, torch too
 
-Uses the standard library only. The environment is `.venv` with the locked packages, ROS 2 Jazzy (the
-sourced one where there is one, otherwise from wheels) and the built workspace `ros_ws/install`.
+Uses the standard library only. The environment is `.venv` with the locked packages, ROS 2 Jazzy
+(the sourced one where there is one, otherwise from wheels) and the built `ros_ws/install`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import environment
 import system
+from builder import Builder
 from environment import ROOT, STAMPS
 from steps import SetupError, Stamps
 
@@ -80,7 +81,7 @@ def set_up(test: bool) -> bool:
     """
     system.check_python(sys.version_info[:2])
     system.install_missing(run, tell)
-    builder = environment.Builder(environment.find_ros(os.environ), run, tell)
+    builder = Builder(environment.find_ros(os.environ), run, tell)
     stamps = Stamps(STAMPS)
     interrupted = stamps.recover(builder.steps(test=True))
     if interrupted is not None:

@@ -1,4 +1,4 @@
-"""Steps of a set-up that are done once: each is stamped with a hash of its inputs when it is through.
+"""Steps that are done once: each is stamped with a hash of its inputs when it is through.
 
 A step that was interrupted is never taken for done: a marker is written before it starts and goes
 only when its stamp stands. The next run finds the marker and calls the step's `undo` first.
@@ -8,7 +8,6 @@ Knows nothing of what the steps do.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +68,7 @@ def write_whole(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(path.name + ".partial")
     temporary.write_text(text)
-    os.replace(temporary, path)
+    temporary.replace(path)
 
 
 class Stamps:

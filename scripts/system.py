@@ -1,6 +1,6 @@
 """What the machine itself must have: a compiler, Python's headers, an OpenGL library.
 
-Installs what is missing through apt where this user may; otherwise says in one line what to install.
+Installs what is missing through apt where this user may; otherwise says in one line what to do.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def how_to_install(missing: Sequence[Need]) -> str:
     if shutil.which("apt-get") is None:
         return (
             f"Missing on this machine: {what}. There is no apt-get here: install them with your "
-            f"system's package manager (in Debian they are {packages}), then run the same command again."
+            f"system's package manager (in Debian they are {packages}), then run the same command "
+            "again."
         )
     return (
         f"Missing on this machine: {what}. Run `sudo apt-get install {packages}`, then the same "

@@ -1,6 +1,6 @@
 """Fixtures for tests that run real processes on a ROS graph of their own.
 
-A test marked `ros` that is skipped counts as failed when CFNAV_REQUIRE_ROS is set, as `make test` does.
+A skipped test marked `ros` counts as failed when CFNAV_REQUIRE_ROS is set: `make test` sets it.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class RunningProcess:
 
 @pytest.fixture
 def ros_domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A ROS domain that no other test on this machine has now; set for this process and children."""
+    """A ROS domain that no other test on this machine has now, set in the environment."""
     folder = Path(tempfile.gettempdir(), "cfnav-domains")
     folder.mkdir(exist_ok=True)
     start = os.getpid() + time.monotonic_ns() // 1000

@@ -1,4 +1,4 @@
-"""The set-up: stamps, interruptions, the wheels' CMake files, what the machine lacks, the environment."""
+"""The set-up: stamps, interruptions, the wheels' CMake files, what the machine lacks."""
 
 from __future__ import annotations
 
