@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
 import os
-import re
 import signal
-import subprocess
 import sys
-import threading
+import tempfile
 import time
 from collections import defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from tests.conftest import DEADLINE_S, DOMAINS, RunningProcess
 
 pytestmark = pytest.mark.ros
 
@@ -37,7 +39,6 @@ from std_msgs.msg import Float64  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
 ROOM, OTHER_ROOM = "kitchen:21", "bathroom:20"
-DEADLINE_S = 60.0
 TOPICS = {
     "/clock": Clock,
     "oakd/rgb/preview/image_raw": Image,
@@ -58,37 +59,18 @@ def seconds(stamp):
     return stamp.sec + stamp.nanosec * 1e-9
 
 
-class Mock:
-    """The process; what it writes is kept in files."""
+def start_mock(log, domain, *parameters):
+    command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", *ros_arguments(parameters)]
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+    return RunningProcess(command, log, environment)
 
-    def __init__(self, folder, domain, *parameters, arguments=(), **environment):
-        self.out, self.err = folder / "stdout", folder / "stderr"
-        command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", *arguments, "--ros-args"]
-        for parameter in parameters:
-            command += ["-p", parameter]
-        env = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            **environment,
-        }
-        with self.out.open("w") as out, self.err.open("w") as err:
-            self.process = subprocess.Popen(command, env=env, stdout=out, stderr=err)
 
-    def wait_ready(self):
-        end = time.monotonic() + DEADLINE_S
-        while "ready" not in self.out.read_text():
-            assert self.process.poll() is None, self.err.read_text()
-            assert time.monotonic() < end, "no ready line"
-            time.sleep(0.05)
-
-    def wait_end(self):
-        return self.process.wait(DEADLINE_S)
-
-    def end(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        return self.wait_end()
+def ros_arguments(parameters):
+    return ["--ros-args", *(word for parameter in parameters for word in ("-p", parameter))]
 
 
 class Listener:
@@ -175,8 +157,18 @@ class Listener:
 
 @pytest.fixture(scope="module")
 def domain():
-    """A domain of this process; pytest workers and other tests have other ones."""
-    return 40 + os.getpid() % 60
+    """A domain for the whole module, locked like those of ``ros_domain_id``."""
+    folder = Path(tempfile.gettempdir(), "cfnav-domains")
+    folder.mkdir(exist_ok=True)
+    for number in reversed(DOMAINS):
+        with (folder / str(number)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield number
+            return
+    pytest.fail("all ROS domains are taken by other tests")
 
 
 def before_a_wall():
@@ -199,12 +191,14 @@ def start():
 @pytest.fixture(scope="module")
 def mock(tmp_path_factory, domain, start):
     pose = "[{:.4f}, {:.4f}, {:.4f}]".format(*start)
-    mock = Mock(
-        tmp_path_factory.mktemp("mock"), domain, f"room:={ROOM}", f"start:={pose}", "speed:=2"
-    )
-    mock.wait_ready()
-    yield mock
-    assert mock.end() == 0, mock.err.read_text()
+    log = tmp_path_factory.mktemp("mock") / "log"
+    process = start_mock(log, domain, f"room:={ROOM}", f"start:={pose}", "speed:=2")
+    try:
+        process.wait_for_line("ready")
+        yield process
+        assert process.interrupt() == 0, process.output
+    finally:
+        process.end()
 
 
 @pytest.fixture(scope="module")
@@ -219,8 +213,8 @@ def robot(mock, domain):
 
 
 def test_one_ready_line(mock):
-    assert mock.out.read_text().count("\n") == 1
-    assert re.match(r"mock_turtlebot4 ready: room kitchen:21, goal none", mock.out.read_text())
+    ready = [line for line in mock.output.splitlines() if "ready" in line]
+    assert ready == [f"mock_turtlebot4 ready: room {ROOM}, goal none, 2 times real time"]
 
 
 @pytest.mark.parametrize(
@@ -426,11 +420,13 @@ def test_episode_that_cannot_start_says_why(robot, room, goal, words):
 
 
 def test_second_robot_in_the_domain_is_refused(robot, domain, tmp_path):
-    second = Mock(tmp_path, domain)
-    threading.Thread(target=second.wait_end).start()
-    robot.wait(lambda: second.process.poll() is not None, "the second to give up")
+    second = start_mock(tmp_path / "log", domain)
+    try:
+        robot.wait(lambda: second.process.poll() is not None, "the second to give up")
+    finally:
+        second.end()
     assert second.process.returncode == 2
-    assert "choose another ROS_DOMAIN_ID" in second.err.read_text()
+    assert "choose another ROS_DOMAIN_ID" in second.output
 
 
 @pytest.mark.parametrize(
@@ -443,36 +439,35 @@ def test_second_robot_in_the_domain_is_refused(robot, domain, tmp_path):
         (["goal:=Unicorn"], "Unicorn"),
     ],
 )
-def test_bad_parameter_is_one_sentence_and_exit_code_2(tmp_path, domain, parameters, words):
-    mock = Mock(tmp_path, domain + 1, *parameters)
-    assert mock.wait_end() == 2
-    lines = mock.err.read_text().splitlines()
-    assert len(lines) == 1
-    assert words in lines[0]
+def test_bad_parameter_is_one_sentence_and_exit_code_2(start_process, parameters, words):
+    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments(parameters))
+    assert process.wait() == 2
+    (line,) = process.output.splitlines()
+    assert words in line
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"), [(["--speed"], "--speed is unknown"), (["--ros-args", "-p"], "read")]
 )
-def test_bad_command_line_is_exit_code_2(tmp_path, domain, arguments, words):
-    mock = Mock(tmp_path, domain + 1, arguments=arguments)
-    assert mock.wait_end() == 2
-    assert words in mock.err.read_text().splitlines()[-1]
+def test_bad_command_line_is_exit_code_2(start_process, arguments, words):
+    process = start_process("sim_bridge.mock_turtlebot4", *arguments)
+    assert process.wait() == 2
+    assert words in process.output.splitlines()[-1]
 
 
-def test_missing_gl_library_is_one_sentence_and_exit_code_2(tmp_path, domain):
-    mock = Mock(tmp_path, domain + 1, MUJOCO_GL="nothing", CFNAV_GL_CHOSEN="")
-    assert mock.wait_end() == 2
-    assert len(mock.err.read_text().splitlines()) == 1
-    assert "GL library" in mock.err.read_text()
+def test_missing_gl_library_is_one_sentence_and_exit_code_2(start_process):
+    process = start_process("sim_bridge.mock_turtlebot4", MUJOCO_GL="nothing", CFNAV_GL_CHOSEN="")
+    assert process.wait() == 2
+    (line,) = process.output.splitlines()
+    assert "GL library" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_it_cleanly(tmp_path, domain, number):
-    mock = Mock(tmp_path, domain + 1, f"room:={OTHER_ROOM}")
-    mock.wait_ready()
-    while mock.process.poll() is None:  # the later ones hit the clean-up
-        mock.process.send_signal(number)
+def test_signals_end_it_cleanly(start_process, number):
+    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments([f"room:={OTHER_ROOM}"]))
+    process.wait_for_line("ready")
+    while process.process.poll() is None:  # the later ones hit the clean-up
+        process.process.send_signal(number)
         time.sleep(0.01)
-    assert mock.process.returncode == 0
-    assert mock.err.read_text() == ""
+    assert process.process.returncode == 0
+    assert "Traceback" not in process.output
