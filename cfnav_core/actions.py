@@ -6,7 +6,7 @@ import math
 from enum import IntEnum
 
 STEP_M = 0.25
-"""Length of ``MoveAhead`` on a robot, metres. On the state grid a diagonal step is sqrt(2) longer."""
+"""Length of ``MoveAhead`` on a robot, metres; sqrt(2) longer on diagonals of the state grid."""
 
 TURN_RAD = math.radians(45.0)
 """Turn of ``RotateLeft`` (+) and ``RotateRight`` (-), radians, counter-clockwise positive."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], head: dict[str, Any]) -
     partial = path.with_name(path.name + ".partial")
     copies = {k: v.detach().clone().contiguous() for k, v in tensors.items()}
     save_file(copies, partial, {"head": json.dumps(head)})
-    os.replace(partial, path)
+    partial.replace(path)
 
 
 def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

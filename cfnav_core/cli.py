@@ -50,10 +50,9 @@ class Evaluate:
             _print(self.against, second.summary())
             content |= {"against": {"bundle": str(self.against), **second.summary()}}
             content |= {"paired": paired_difference(first, second)}
-            low, high = content["paired"]["interval"]
-            print(
-                f"CF-SR difference {content['paired']['cf_sr_difference']:+.3f} [{low:+.3f}, {high:+.3f}]"
-            )
+            paired = content["paired"]
+            low, high = paired["interval"]
+            print(f"CF-SR difference {paired['cf_sr_difference']:+.3f} [{low:+.3f}, {high:+.3f}]")
         if self.json is not None:
             write_json(self.json, content)
 

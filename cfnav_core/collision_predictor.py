@@ -33,7 +33,8 @@ class CollisionPredictor(nn.Module):
         """One step.
 
         Args:
-            features: float32 [B, F]. previous_action: float32 [B, 6], zeros at the start.
+            features: float32 [B, F].
+            previous_action: float32 [B, 6], zeros at the start.
             state: float32 [B, 4, H'], h and c of both layers.
 
         Returns:
@@ -49,7 +50,9 @@ def collision_loss(logit: Tensor, collided: Tensor, moved_ahead: Tensor) -> Tens
     """L_c: cross-entropy over the steps whose action was MoveAhead, their mean.
 
     Args:
-        logit: float32 [N]. collided: bool [N], p_t. moved_ahead: bool [N].
+        logit: float32 [N].
+        collided: bool [N], p_t.
+        moved_ahead: bool [N].
 
     Returns:
         Scalar; 0 when no step moved ahead.

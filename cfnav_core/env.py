@@ -25,6 +25,11 @@ MIN_GOAL_STATES = 4
 """A goal seen from fewer states of a room is not asked for there."""
 
 
+def step_limit(room_type: str) -> int:
+    """Most actions of an episode, Done included: the lineage's 100, 200 in living rooms."""
+    return LIVING_ROOM_STEP_LIMIT if room_type == "living_room" else STEP_LIMIT
+
+
 @dataclass(frozen=True)
 class Task:
     """One goal in one scene: ``starts`` are the level states (int64) that do not see it yet."""
@@ -64,7 +69,7 @@ class SceneBank:
         self.collided = np.concatenate([s.collided for s in scenes])
         self.visible = np.concatenate([s.visible for s in scenes])
         self.step_limit = np.concatenate([
-            np.full(s.num_states, LIVING_ROOM_STEP_LIMIT if s.room_type == "living_room" else STEP_LIMIT)
+            np.full(s.num_states, step_limit(s.room_type))
             for s in scenes
         ])  # fmt: skip
         self.actions_to = np.full((offsets[-1], len(CATEGORIES)), -1, np.int16)

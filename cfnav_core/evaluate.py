@@ -53,6 +53,9 @@ def run_episodes(
     """Run all episodes side by side.
 
     Args:
+        networks: torch or ONNX.
+        bank: the scenes.
+        episodes: starts and goals in them.
         sample_seed: draw actions with this seed; argmax when None.
         p_hat: "own" prediction, "true" collision flag, or "zero".
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -56,7 +55,7 @@ def export_bundle(
         if (out / kept).exists():
             shutil.copyfile(out / kept, partial / kept)
     shutil.rmtree(out, ignore_errors=True)
-    os.replace(partial, out)
+    partial.replace(out)
     return bundle
 
 

@@ -68,7 +68,10 @@ def bootstrap_interval(
     """95 % interval of a mean, resampling whole groups (rooms), which are what varies.
 
     Args:
-        values: float [N]. groups: int [N], the room of each value.
+        values: float [N].
+        groups: int [N], the room of each value.
+        samples: bootstrap samples.
+        seed: of the resampling.
 
     Returns:
         Lower and upper bound.

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import onnxruntime as ort
 
 from cfnav_core.actions import NUM_ACTIONS
 from cfnav_core.bundle import BundleError, BundleHead
+from cfnav_core.onnx_session import open_session
 
 if TYPE_CHECKING:
     from cfnav_core.collision_predictor import CollisionPredictor
@@ -51,7 +51,9 @@ class Networks(Protocol):
     def step(
         self, features: np.ndarray, detections: np.ndarray, goals: np.ndarray, state: AgentState,
         collision_probability: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]: ...  # fmt: skip
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """See the class."""
+        ...
 
 
 class OnnxNetworks:
@@ -62,15 +64,12 @@ class OnnxNetworks:
     """
 
     def __init__(self, folder: Path, head: BundleHead, threads: int = 1) -> None:
-        options = ort.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
         try:
             self._policy, self._predictor = (
-                ort.InferenceSession(folder / name, options, providers=["CPUExecutionProvider"])
+                open_session((folder / name).read_bytes(), threads)
                 for name in ("policy.onnx", "predictor.onnx")
             )
-        except ort.capi.onnxruntime_pybind11_state.OnnxRuntimeException as error:
+        except ValueError as error:
             raise BundleError(f"found networks in {folder} that do not load: {error}") from error
         self.hidden = head.hidden
         self._feeds = head.feeds_prediction

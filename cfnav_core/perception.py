@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import onnxruntime as ort
 from PIL import Image
 
+from cfnav_core.onnx_session import open_session
 from cfnav_core.vocabulary import CATEGORIES
 
 INPUT_SIZE = 150
@@ -81,13 +81,8 @@ class Perception:
     def __init__(self, path: Path, threads: int = 1) -> None:
         try:
             content = path.read_bytes()
-            options = ort.SessionOptions()
-            options.intra_op_num_threads = threads
-            options.inter_op_num_threads = 1
-            self._session = ort.InferenceSession(
-                content, options, providers=["CPUExecutionProvider"]
-            )
-        except (OSError, ort.capi.onnxruntime_pybind11_state.OnnxRuntimeException) as error:
+            self._session = open_session(content, threads)
+        except (OSError, ValueError) as error:
             raise PerceptionError(
                 f"found no usable perception network at {path} ({error}); make one with "
                 "python -m cfnav_core.train_perception or take the shipped bundle's"

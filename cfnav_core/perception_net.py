@@ -79,7 +79,8 @@ def perception_loss(
     Args:
         output: of ``PerceptionNet``.
         heat: float32 [N, C, 19, 19], pixels of each category per cell.
-        depth: float32 [N, 10, 10], metres. floor: float32 [N, 10, 10], share 0..1.
+        depth: float32 [N, 10, 10], metres.
+        floor: float32 [N, 10, 10], share 0..1.
         visible: float32 [N, C].
     """
     shown, near, _, geometry = output

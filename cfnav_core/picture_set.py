@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +46,7 @@ class PictureSet:
             np.save(partial / f"{key}.npy", getattr(self, key))
         (partial / "set.json").write_text(json.dumps({"categories": CATEGORIES}))
         shutil.rmtree(folder, ignore_errors=True)
-        os.replace(partial, folder)
+        partial.replace(folder)
 
     @classmethod
     def load(cls, folder: Path) -> PictureSet:

@@ -27,7 +27,9 @@ def total_reward(r_o: Tensor, collided: Tensor, collision_penalty: float) -> Ten
     """R = r_o + r_c.
 
     Args:
-        r_o: float32 [B]. collided: bool [B]. collision_penalty: r_c on a collision; 0 in stage one.
+        r_o: float32 [B].
+        collided: bool [B].
+        collision_penalty: r_c on a collision; 0 in stage one.
 
     Returns:
         float32 [B].

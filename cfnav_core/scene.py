@@ -8,7 +8,6 @@ horizon 0 is level and 1 is 30 degrees down.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,9 +79,9 @@ class OfflineScene:
         }  # fmt: skip
         (partial / "scene.json").write_text(json.dumps(head, indent=1))
         if (folder / PICTURES).exists():
-            os.replace(folder / PICTURES, partial / PICTURES)
+            (folder / PICTURES).replace(partial / PICTURES)
         shutil.rmtree(folder, ignore_errors=True)
-        os.replace(partial, folder)
+        partial.replace(folder)
 
     @classmethod
     def load(cls, folder: Path) -> OfflineScene:
@@ -128,7 +127,7 @@ class OfflineScene:
             raise SceneError(f"found room type {self.room_type!r} in {folder}")
 
     def actions_to(self, goal: int) -> np.ndarray:
-        """int32 [S]: fewest actions (Done not counted) to a state that sees the category; -1 never."""
+        """int32 [S]: fewest actions, Done not counted, to see the category; -1 never."""
         return actions_to(self.next_state, self.visible[:, goal])
 
     def metres_to(self, goal: int) -> np.ndarray:

@@ -218,8 +218,7 @@ def _validate_and_log(run: Run, sums: dict[str, float], bar: tqdm) -> None:
         "episodes": run.episodes, "steps": run.steps,
         "sr": sums["successes"] / ended, "cf_sr": sums["collision_free"] / ended,
         "collisions_per_episode": sums["collisions"] / ended, "length": sums["steps"] / ended,
-        **{k: sums[k] / updates for k in ("policy_loss", "value_loss", "entropy")},
-        **({"collision_loss": sums["collision_loss"] / updates} if "collision_loss" in sums else {}),
+        **{k: v / updates for k, v in sums.items() if k.endswith("loss") or k == "entropy"},
         **run.validate(),
     }  # fmt: skip
     run.log(figures)

@@ -55,7 +55,7 @@ class Pictures:
         self.count = len(self.arrays["visible"])
 
     def batch(self, index: np.ndarray) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Pictures float32 [N, 3, 150, 150] in 0..1 and labels as ``perception_loss`` takes them."""
+        """Pictures float32 [N, 3, 150, 150] in 0..1, and what ``perception_loss`` takes."""
         a = {k: torch.from_numpy(v[index]) for k, v in self.arrays.items()}
         pictures = a["pictures"].permute(0, 3, 1, 2).float().div_(255)
         heat = a["heat"].permute(0, 3, 1, 2).float()

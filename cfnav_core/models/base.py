@@ -48,8 +48,10 @@ class NavModel(nn.Module):
         """Everything the policy reads but p_hat.
 
         Args:
-            features: float32 [B, F]. detections: float32 [B, C, 5].
-            goal: float32 [B, C], one-hot. previous_action: float32 [B, 6], zeros at the start.
+            features: float32 [B, F].
+            detections: float32 [B, C, 5].
+            goal: float32 [B, C], one-hot.
+            previous_action: float32 [B, 6], zeros at the start.
 
         Returns:
             float32 [B, encoded].
@@ -63,7 +65,13 @@ class NavModel(nn.Module):
         """One step.
 
         Args:
-            collision_probability: float32 [B, 1]; zero in stage one. h, c: float32 [B, H].
+            features: see ``encode``.
+            detections: see ``encode``.
+            goal: see ``encode``.
+            previous_action: see ``encode``.
+            collision_probability: float32 [B, 1]; zero in stage one.
+            h: float32 [B, H].
+            c: float32 [B, H].
 
         Returns:
             Action logits [B, 6], value [B, 1], and the next h and c [B, H].

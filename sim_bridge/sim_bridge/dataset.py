@@ -161,12 +161,17 @@ def render_views(kind: str, seed: int, out: Path, views: int) -> int:
             picture = camera.picture(pose)
             rows.append((
                 preprocess(picture.rgb), _heat(category[picture.owner]),
-                picture.depth.reshape(COARSE, 30, COARSE, 30).mean((1, 3)).astype(np.float16),
-                (flat[picture.owner].reshape(COARSE, 30, COARSE, 30).mean((1, 3)) * 255).astype(np.uint8),
+                _coarse(picture.depth).astype(np.float16),
+                (_coarse(flat[picture.owner]) * 255).astype(np.uint8),
                 camera.visible_categories(pose, picture.pixels(len(objects))),
             ))  # fmt: skip
     PictureSet(*map(np.stack, zip(*rows, strict=True))).save(room_folder(out, kind, seed))
     return len(states)
+
+
+def _coarse(full: np.ndarray) -> np.ndarray:
+    """Mean of a [300, 300] map over 10x10 cells."""
+    return full.reshape(COARSE, 30, COARSE, 30).mean((1, 3))
 
 
 def _heat(category: np.ndarray) -> np.ndarray:
@@ -198,6 +203,8 @@ def run(options: Options) -> None:
     rooms = parse_rooms(options.rooms)
     if not rooms:
         raise ValueError("found no rooms; say which, for example --rooms kitchen:0-19")
+    from sim_bridge import gl  # noqa: F401  (fails here, once, when nothing can draw)
+
     perception = options.perception
     if not options.views:
         perception = perception or shipped_bundle() / "perception.onnx"
@@ -205,8 +212,6 @@ def run(options: Options) -> None:
     todo = [
         r for r in rooms if not _finished(room_folder(options.out, *r), options.views, perception)
     ]
-    # a plain SIGTERM would leave the workers behind
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit("dataset: ended by SIGTERM"))
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         jobs = {
             pool.submit(render_views, *room, options.out, options.views)
@@ -239,6 +244,8 @@ def _result(job: Future[int], room: tuple[str, int]) -> int:
 
 def main() -> None:
     """Entry point: exit 2 with one sentence on bad input."""
+    # a plain SIGTERM would leave the workers behind
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("dataset: ended by SIGTERM"))
     try:
         run(tyro.cli(Options))
     except (ValueError, ImportError) as error:

@@ -33,7 +33,8 @@ def counter(b: Builder, width: float, depth: float = 0.6, kind: str = "counter")
     for i in range(n):
         x = -width / 2 + (i + 0.5) * width / n
         b.add(owner, "box", frame, (x, depth / 2 - 0.01, height / 2 + 0.03),
-              (width / n / 2, depth / 2 - 0.01, height / 2 - 0.07), colour, "panel_door")  # fmt: skip
+              (width / n / 2, depth / 2 - 0.01, height / 2 - 0.07), colour,
+              "panel_door")  # fmt: skip
         b.add(owner, "box", frame, (x, depth, height - 0.16), (0.06, 0.012, 0.01), METAL)
     top = hsv(float(b.rng.random()), 0.08, float(b.rng.uniform(0.35, 0.95)))
     b.add(owner, "box", frame, (0, depth / 2, height - 0.02), (width / 2, depth / 2, 0.02), top,
@@ -109,6 +110,7 @@ def chair(b: Builder, frame: Frame) -> None:
 
 
 def stool(b: Builder) -> None:
+    """A round three-legged stool."""
     frame = b.place(0.36, 0.36, wall=False, gap=0.35)
     if frame is None:
         return
@@ -195,6 +197,7 @@ def sofa(b: Builder, name: str = "Sofa") -> Frame | None:
 
 
 def bed(b: Builder) -> Frame | None:
+    """A double bed with its head to the wall."""
     rng = b.rng
     w, d = float(rng.uniform(1.2, 1.6)), 2.0
     frame = b.place(w, d)
@@ -251,6 +254,7 @@ def cabinet(
 
 
 def wardrobe(b: Builder) -> None:
+    """A tall wardrobe with two doors."""
     w, h = float(b.rng.uniform(0.9, 1.3)), float(b.rng.uniform(1.8, 2.1))
     frame = b.place(w, 0.58)
     if frame is None:
@@ -271,6 +275,7 @@ def wardrobe(b: Builder) -> None:
 
 
 def fridge(b: Builder) -> None:
+    """A fridge-freezer, a goal."""
     w, d = float(b.rng.uniform(0.6, 0.75)), float(b.rng.uniform(0.6, 0.68))
     frame = b.place(w, d)
     if frame is None:
@@ -318,14 +323,15 @@ def stove(b: Builder) -> None:
     b.add(burners, "box", frame, (0, 0.31, 0.89), (0.3, 0.31, 0.012), DARK)
     for x in (-0.14, 0.14):
         for y in (0.17, 0.43):
-            b.add(burners, "cylinder", frame, (x, y, 0.907), (0.095, 0.095, 0.006), (0.75, 0.15, 0.08),
-                  emission=0.25)  # fmt: skip
+            b.add(burners, "cylinder", frame, (x, y, 0.907), (0.095, 0.095, 0.006),
+                  (0.75, 0.15, 0.08), emission=0.25)  # fmt: skip
             b.add(burners, "cylinder", frame, (x, y, 0.911), (0.05, 0.05, 0.006), DARK)
     b.surfaces.append(Surface(frame.at(0, 0, 0.918), 0.6, 0.6, "stove"))
     b.occupy_wall(frame, 0.62, 0, 1.3)
 
 
 def toilet(b: Builder) -> None:
+    """A toilet with its cistern to the wall."""
     frame = b.place(0.45, 0.72)
     if frame is None:
         return
@@ -339,6 +345,7 @@ def toilet(b: Builder) -> None:
 
 
 def bathtub(b: Builder) -> None:
+    """A filled bathtub along the wall."""
     w = float(b.rng.uniform(1.3, 1.6))
     frame = b.place(w, 0.72)
     if frame is None:

@@ -12,7 +12,12 @@ import subprocess
 import sys
 
 CANDIDATES = ("egl", "osmesa")
-PROBE = "import mujoco; mujoco.GLContext(8, 8).make_current()"
+PROBE = """
+import mujoco
+context = mujoco.GLContext(8, 8)
+context.make_current()
+mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.mjtFontScale.mjFONTSCALE_50)
+"""
 
 
 class NoGraphicsError(ImportError):

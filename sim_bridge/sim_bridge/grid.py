@@ -1,4 +1,4 @@
-"""The state grid of a world: where the robot can be, what each action does, where episodes start."""
+"""The state grid of a world: where the robot can be, what actions do, where episodes start."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ def state_grid(world: World) -> StateGrid:
     nx, ny = int(room.width / STEP_M), int(room.depth / STEP_M)
     cells = [
         (i, j) for i in range(1, nx + 1) for j in range(1, ny + 1)
-        if i * STEP_M < room.width and j * STEP_M < room.depth and world.free(i * STEP_M, j * STEP_M)
+        if i * STEP_M < room.width
+        and j * STEP_M < room.depth
+        and world.free(i * STEP_M, j * STEP_M)
     ]  # fmt: skip
     if not cells:
         raise ValueError(f"found no place for the robot in room {room.name}; choose another seed")
@@ -82,7 +84,7 @@ def state_grid(world: World) -> StateGrid:
 
 
 def _transitions(ahead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From the neighbour of each (position, heading), -1 for none, to next states and collisions."""
+    """Next states and collisions from the neighbour of each (position, heading), -1 for none."""
     n = len(ahead)
     p, heading, horizon = (
         a.ravel() for a in np.meshgrid(*map(np.arange, (n, HEADINGS, HORIZONS)), indexing="ij")
@@ -131,7 +133,7 @@ def _points(boxes: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Start:
-    """Where an episode starts: pose (m, rad), shortest way to see the goal in metres and actions."""
+    """Where an episode starts (m, rad), and its shortest way to see the goal (m, actions)."""
 
     x: float
     y: float
@@ -144,6 +146,8 @@ def start_episode(world: World, camera: Camera, goal: str, seed: int) -> Start:
     """Draw a level start pose at least ``MIN_START_ACTIONS`` actions away from seeing the goal.
 
     Args:
+        world: the room.
+        camera: looks into it; used in the calling thread.
         goal: category name.
         seed: chooses among the possible starts.
 

@@ -155,6 +155,9 @@ class Builder:
         """Find floor space of width x depth, against a wall (its back edge) or free-standing.
 
         Args:
+            width: along the wall, metres.
+            depth: away from it, metres.
+            wall: against a wall or free-standing.
             gap: free margin to other furniture, metres.
 
         Returns:

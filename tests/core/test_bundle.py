@@ -160,7 +160,7 @@ def test_evaluation_is_frozen_and_paired(made):
 
 def test_scenes_of_another_perception_are_refused(made, tmp_path):
     hall().save(tmp_path / "kitchen_00000")
-    with pytest.raises(SceneError, match="sim_bridge.dataset --perception"):
+    with pytest.raises(SceneError, match=r"sim_bridge.dataset --perception"):
         evaluate_bundle(made / "bundle", tmp_path, 10, 0)
 
 

@@ -15,7 +15,10 @@ def test_rooms():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ["kitchen", "attic:1", "kitchen:x", "kitchen:1-x", "kitchen:5-2", ""])
+BAD_ROOMS = ["kitchen", "attic:1", "kitchen:x", "kitchen:1-x", "kitchen:5-2", ""]
+
+
+@pytest.mark.parametrize("text", BAD_ROOMS)
 def test_bad_rooms(text):
     with pytest.raises(ValueError, match="found room"):
         parse_rooms([text])

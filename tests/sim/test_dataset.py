@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from sim_bridge.camera import Camera
+from sim_bridge.dataset import Options, render_views, run
+from sim_bridge.grid import state_grid
+from sim_bridge.room import generate_room
+from sim_bridge.world import World
 
 from cfnav_core.perception import Perception, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.picture_set import PictureSet
 from cfnav_core.scene import OfflineScene
 from cfnav_core.vocabulary import CATEGORIES
-from sim_bridge.camera import Camera
-from sim_bridge.dataset import Options, render_views, run
-from sim_bridge.grid import state_grid
-from sim_bridge.room import generate_room
-from sim_bridge.world import World
 
 
 @pytest.fixture(scope="module")

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 import pytest
-
-from cfnav_core.actions import STEP_M, Action
-from cfnav_core.scene import HEADINGS, HORIZONS
-from cfnav_core.vocabulary import DATA2_TARGETS, ROOM_TYPES
 from sim_bridge.camera import Camera
 from sim_bridge.grid import DIRECTIONS, goal_states, start_episode, state_grid
 from sim_bridge.room import generate_room
 from sim_bridge.world import HULL_RADIUS, LIDAR_X, Pose, World
+
+from cfnav_core.actions import STEP_M, Action
+from cfnav_core.scene import HEADINGS, HORIZONS
+from cfnav_core.vocabulary import DATA2_TARGETS, ROOM_TYPES
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +75,8 @@ def test_driving_into_a_wall_touches_it_and_stops(world, grid):
 
 def test_free_drive_and_turn_reach_what_was_commanded(world, grid):
     p = next(
-        (grid.pose(s) for s in range(0, len(grid.next_state), HORIZONS)
-         if not grid.collided[s] and s // HORIZONS % HEADINGS == 0)
+        grid.pose(s) for s in range(0, len(grid.next_state), HORIZONS)
+         if not grid.collided[s] and s // HORIZONS % HEADINGS == 0
     )  # fmt: skip
     world.reset(p.x, p.y, p.yaw)
     for _ in range(100):
@@ -128,7 +128,7 @@ def test_depth_of_the_floor_is_right(world, camera, grid):
     """Every floor pixel unprojects to height zero."""
     pose = grid.pose(1)
     picture = camera.picture(pose)
-    floor = [i for i, o in enumerate(world.room.objects) if o.name == "Floor"][0]
+    floor = next(i for i, o in enumerate(world.room.objects) if o.name == "Floor")
     v, u = np.nonzero(picture.owner == floor)
     assert len(v) > 500
     x, y = (u + 0.5 - 150) / 150, (v + 0.5 - 150) / 150
@@ -149,7 +149,8 @@ def test_pictures_repeat_and_tilt_matters(camera, grid):
 
 @pytest.mark.parametrize("goal", ["Apple", "Chair", "Fridge"])
 def test_pruned_goal_states_equal_looking_everywhere(world, camera, grid, goal):
-    everywhere = [camera.goal_visible(goal, grid.pose(s)) for s in range(0, len(grid.next_state), 3)]
+    states = range(0, len(grid.next_state), 3)
+    everywhere = [camera.goal_visible(goal, grid.pose(s)) for s in states]
     np.testing.assert_array_equal(goal_states(world, camera, grid, goal)[::3], everywhere)
 
 
@@ -159,7 +160,7 @@ def test_start_is_far_enough_and_repeats(world, camera):
     assert a.shortest_actions >= 6
     assert world.free(a.x, a.y)
     assert not camera.goal_visible("Apple", Pose(a.x, a.y, a.yaw))
-    with pytest.raises(ValueError, match="it has .*Toaster"):
+    with pytest.raises(ValueError, match=r"it has .*Toaster"):
         start_episode(world, camera, "Unicorn", 7)
 
 

@@ -1,0 +1,36 @@
+"""Open an ONNX file for the CPU, with one kind of error for everything wrong with it."""
+
+from __future__ import annotations
+
+import onnxruntime as ort
+from onnxruntime.capi import onnxruntime_pybind11_state as state
+
+# ONNX Runtime's exceptions share no base class of their own
+_ERRORS = (
+    state.Fail,
+    state.InvalidArgument,
+    state.InvalidGraph,
+    state.InvalidProtobuf,
+    state.NotImplemented,
+    state.RuntimeException,
+)
+
+
+def open_session(content: bytes, threads: int = 1) -> ort.InferenceSession:
+    """Open a network.
+
+    Args:
+        content: bytes of the ONNX file.
+        threads: of ONNX Runtime, within an operator.
+
+    Raises:
+        ValueError: it is no ONNX network, or not one this version can run.
+    """
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return ort.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except _ERRORS as error:
+        raise ValueError(str(error)) from error
