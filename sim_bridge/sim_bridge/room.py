@@ -231,9 +231,9 @@ def _kitchen(b: Builder) -> None:
         {"Microwave": 0.85, "CoffeeMachine": 0.9, "Toaster": 0.9, "Kettle": 0.35},
         "counter",
     )
-    tops = ("counter", "table")
     _draw(b, ob.put, {"Bread": 0.9, "Mug": 0.9, "Apple": 0.9, "Spatula": 0.85, "Bowl": 0.7,
-                      "Plate": 0.7, "CellPhone": 0.2, "Book": 0.2, "Vase": 0.15}, *tops)  # fmt: skip
+                      "Plate": 0.7, "CellPhone": 0.2, "Book": 0.2, "Vase": 0.15},
+          "counter", "table")  # fmt: skip
     _draw(b, ob.put, {"Laptop": 0.2, "HousePlant": 0.25, "Mug": 0.2, "Bowl": 0.2}, "table")
     _draw(b, ob.stand, {"GarbageCan": 0.85, "HousePlant": 0.2})
     _draw(b, ob.hang, {"LightSwitch": 0.9, "Painting": 0.25, "Blinds": 0.2})
