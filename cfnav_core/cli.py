@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +44,10 @@ class Evaluate:
         rooms = parse_rooms(self.rooms) or None
         arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, rooms)
         first = evaluate_bundle(self.bundle, *arguments)
-        content: dict[str, Any] = {"bundle": str(self.bundle), **first.summary()}
+        content: dict[str, Any] = {
+            "bundle": str(self.bundle), "command": shlex.join(["cfnav", *sys.argv[1:]]),
+            **first.summary(),
+        }  # fmt: skip
         _print(self.bundle, content)
         if self.against is not None:
             second = evaluate_bundle(self.against, *arguments)

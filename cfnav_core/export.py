@@ -13,9 +13,14 @@ from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
 from cfnav_core.checkpoint import load_module, load_tensors
 from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.methods import METHODS
+from cfnav_core.model_card import model_card
 from cfnav_core.models import MODELS, NavModel
 from cfnav_core.perception import DETECTION_FIELDS, FEATURES, Perception
 from cfnav_core.vocabulary import CATEGORIES
+
+TRAINING_FIELDS = (
+    "config", "commit", "episodes", "steps", "perception", "train_rooms", "validation_rooms",
+)  # fmt: skip
 
 
 def export_bundle(
@@ -48,12 +53,10 @@ def export_bundle(
     bundle = BundleHead(
         name, method, METHODS[method].stage2.feed_prediction, tuple(head["goals"]),
         (model.hidden, predictor.hidden), {n: file_hash(partial / n) for n in NETWORKS},
-        {k: head[k] for k in ("config", "commit", "episodes", "perception")}, metrics or {},
+        {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
     )  # fmt: skip
     bundle.save(partial)
-    for kept in ("MODEL_CARD.md",):
-        if (out / kept).exists():
-            shutil.copyfile(out / kept, partial / kept)
+    (partial / "MODEL_CARD.md").write_text(model_card(bundle))
     shutil.rmtree(out, ignore_errors=True)
     partial.replace(out)
     return bundle

@@ -10,10 +10,11 @@ import subprocess
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
+import tyro
 from tqdm import tqdm
 
 from cfnav_core.algorithm import Memory, collect_rollout, losses
@@ -34,6 +35,7 @@ from cfnav_core.models import MODELS
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.vocabulary import CATEGORIES
 
+Rooms = Annotated[tuple[str, ...], tyro.conf.UseAppendAction]
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
 
 
@@ -43,9 +45,9 @@ class TrainOptions:
 
     scenes: Path
     """Folder of scenes (python -m sim_bridge.dataset)."""
-    train_rooms: tuple[str, ...]
-    """Rooms to train in: TYPE:SEED or TYPE:FIRST-LAST."""
-    validation_rooms: tuple[str, ...]
+    train_rooms: Rooms
+    """Rooms to train in: TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
+    validation_rooms: Rooms
     """Rooms that choose the checkpoint; never tested in."""
     out: Path = Path("out/runs/ours")
     """Folder of the run: checkpoints and log.jsonl. A killed run goes on from it."""
@@ -128,7 +130,8 @@ class Run:
         save_tensors(self.options.out / name, tensors, {
             "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
             "best": self.best, "perception": self.bank.perception, "goals": goals,
-            "commit": commit(),
+            "commit": commit(), "train_rooms": self.options.train_rooms,
+            "validation_rooms": self.options.validation_rooms,
         })  # fmt: skip
 
     def learning_rate(self) -> float:

@@ -1,27 +1,45 @@
 #!/usr/bin/env bash
-# Remakes the shipped bundle from nothing. Takes hours; goes on where it stopped when run again.
-#   OUT=out/train scripts/train_demo.sh      then compare $OUT/bundle with cfnav_core/bundles
-# Rooms 0-17 train the policy, 18-19 choose the checkpoint, 20-29 test it; perception learns from 1000 up.
+# Remakes the shipped bundles from nothing. Takes hours; goes on where it stopped when run again.
+#   OUT=out/train scripts/train_demo.sh
+# Perception learns from rooms of its own. Training rooms train both policies, validation rooms
+# choose their checkpoints, test rooms are looked at once, at the end.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 out=${OUT:-out/train}
 seed=${SEED:-0}
-types=(kitchen living_room bedroom bathroom)
+perception_rooms=1000-1124
+views=40
+pictures=200000
+training=0-7
+validation=18-19
+test=20-23
 
 rooms() { # rooms FLAG RANGE: "FLAG type:RANGE" for each type
-  for type in "${types[@]}"; do printf '%s %s:%s ' "$1" "$type" "$2"; done
-}
-ranges() { # ranges RANGE: "type:RANGE" for each type
-  for type in "${types[@]}"; do printf '%s:%s ' "$type" "$1"; done
+  for type in kitchen living_room bedroom bathroom; do printf '%s %s:%s ' "$1" "$type" "$2"; done
 }
 
-python -m sim_bridge.dataset $(rooms --rooms 1000-1249) --views 40 --out "$out/views"
-python -m cfnav_core.train_perception --data "$out/views" --out "$out/perception/perception.onnx" --seed "$seed"
-python -m sim_bridge.dataset $(rooms --rooms 0-29) --perception "$out/perception/perception.onnx" --out "$out/scenes"
-cfnav train --scenes "$out/scenes" --train-rooms $(ranges 0-17) --validation-rooms $(ranges 18-19) \
-  --run.method ours --run.seed "$seed" --out "$out/ours"
-cfnav export "$out/ours/best.safetensors" --perception "$out/perception/perception.onnx" --out "$out/bundle"
-cfnav evaluate "$out/bundle" --scenes "$out/scenes" $(rooms --rooms 20-29) --episodes 1000 --json "$out/metrics.json"
-cfnav export "$out/ours/best.safetensors" --perception "$out/perception/perception.onnx" \
-  --metrics "$out/metrics.json" --out "$out/bundle"
+python -m sim_bridge.dataset $(rooms --rooms $perception_rooms) --views $views --out "$out/views"
+perception=$out/perception/perception.onnx
+[ -f "$perception" ] || python -m cfnav_core.train_perception \
+  --data "$out/views" --out "$perception" --pictures $pictures --seed "$seed"
+for range in $training $validation $test; do
+  python -m sim_bridge.dataset $(rooms --rooms $range) --perception "$perception" --out "$out/scenes"
+done
+
+train() { # train METHOD [MORE]: a run in out/METHOD
+  cfnav train --scenes "$out/scenes" $(rooms --train-rooms $training) \
+    $(rooms --validation-rooms $validation) \
+    --run.method "$1" --run.seed "$seed" --out "$out/$1" "${@:2}"
+}
+train ours
+train plain --stage1 "$out/ours/stage1.safetensors"
+
+for method in plain ours; do
+  cfnav export "$out/$method/best.safetensors" --perception "$perception" \
+    --name "$method" --out "$out/bundle_$method"
+done
+cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
+  $(rooms --rooms $test) --episodes 2000 --json "$out/metrics.json"
+cfnav export "$out/ours/best.safetensors" --perception "$perception" \
+  --name ours --metrics "$out/metrics.json" --out "$out/bundle_ours"

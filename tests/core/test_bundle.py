@@ -59,6 +59,20 @@ def test_bundle_is_small_and_complete(made):
     assert sum(f.stat().st_size for f in (made / "bundle").iterdir()) < 12e6
 
 
+def test_model_card_says_what_was_and_was_not_measured(made):
+    card = (made / "bundle" / "MODEL_CARD.md").read_text()
+    assert "Nothing was measured" in card
+    assert "kitchen:0" in card
+    first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
+    metrics = {**first.summary(), "command": "cfnav evaluate"}
+    export_bundle(
+        made / "run" / "best.safetensors", made / "perception.onnx", made / "again", "x", metrics
+    )
+    card = (made / "again" / "MODEL_CARD.md").read_text()
+    assert f"| {first.summary()['cf_sr']:.3f} [" in card
+    assert "`cfnav evaluate`" in card
+
+
 def test_torch_and_onnx_answer_alike(made):
     torch.manual_seed(1)
     head = BundleHead.load(made / "bundle")

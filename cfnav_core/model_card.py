@@ -1,0 +1,93 @@
+"""The model card of a bundle, written from what ``bundle.json`` holds: no figure by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cfnav_core.bundle import BundleHead
+
+
+def model_card(head: BundleHead) -> str:
+    """Markdown for ``MODEL_CARD.md``."""
+    t = head.training
+    hp, size = t["config"]["hyperparameters"], t["config"]["size"]
+    lines = [
+        f"# Model card: {head.name}",
+        "",
+        f"An object-goal navigation policy (model `{t['config']['model']}`, method "
+        f"`{head.method}`) for a robot with one RGB camera at 1.3 m, 90 degrees, that tilts 30 "
+        "degrees down. Goals: " + ", ".join(head.goals) + ".",
+        "",
+        "## How it was made",
+        "",
+        f"Algorithm 1 at commit `{t['commit']}`, seed {t['config']['seed']}: stage one "
+        f"{hp['stage1_episodes']:,} episodes, stage two {hp['stage2_episodes']:,}; the checkpoint "
+        f"with the best CF-SR on the validation rooms was kept (after {t['episodes']:,} episodes, "
+        f"{t['steps']:,} steps). LSTM widths {size['hidden']} (policy) and "
+        f"{size['predictor_hidden']} (collision predictor).",
+        "",
+        f"Training rooms: {', '.join(t['train_rooms'])}. Validation rooms: "
+        f"{', '.join(t['validation_rooms'])}. Perception `{t['perception']}` saw none of these nor "
+        "any test room. The commands stand in `scripts/train_demo.sh` (`make train-demo`).",
+        "",
+        "## What was measured",
+        "",
+        *(_measured(head) if head.metrics else ["Nothing was measured yet."]),
+        "",
+        "## What it is not for",
+        "",
+        "Trained on rendered rooms only. A real robot needs the LiDAR collision node and its veto; "
+        "nothing here was measured on hardware.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _measured(head: BundleHead) -> list[str]:
+    m = head.metrics
+    rows = [_row(head.name, m)]
+    if "against" in m:
+        rows.append(_row(m["against"]["bundle"].rstrip("/").rsplit("/", 1)[-1], m["against"]))
+    lines = [
+        f"Tensor environment, test rooms {_rooms(m['scenes'])}, {m['episodes']} frozen episodes "
+        f"(identity `{m['episodes_identity']}`), argmax, one training seed. Intervals are 95 % "
+        "over rooms, not over seeds.",
+        "",
+        "| bundle | SR | SPL | CF-SR | CF-SPL | collisions per episode |",
+        "|---|---|---|---|---|---|",
+        *rows,
+        "",
+    ]
+    if "paired" in m:
+        low, high = m["paired"]["interval"]
+        lines += [
+            f"Paired difference in CF-SR: **{m['paired']['cf_sr_difference']:+.3f}** "
+            f"[{low:+.3f}, {high:+.3f}].",
+            "",
+        ]
+    if m.get("long"):
+        lines += [
+            f"Of these, the {m['long']['episodes']} episodes whose best length is 5 actions or "
+            f"more: CF-SR {m['long']['cf_sr']:.3f}, SR {m['long']['sr']:.3f}.",
+            "",
+        ]
+    lines += [f"Command: `{m['command']}`", "", "| goal | CF-SR | episodes |", "|---|---|---|"]
+    by_goal = sorted(m["cf_sr_by_goal"].items(), key=lambda row: -row[1]["cf_sr"])
+    return lines + [f"| {g} | {row['cf_sr']:.2f} | {row['episodes']} |" for g, row in by_goal]
+
+
+def _row(name: str, m: dict[str, Any]) -> str:
+    low, high = m["cf_sr_interval"]
+    return (
+        f"| {name} | {m['sr']:.3f} | {m['spl']:.3f} | {m['cf_sr']:.3f} [{low:.3f}, {high:.3f}] | "
+        f"{m['cf_spl']:.3f} | {m['collisions_per_episode']:.2f} |"
+    )
+
+
+def _rooms(names: list[str]) -> str:
+    """``kitchen:20,21`` and so on."""
+    seeds: dict[str, list[str]] = {}
+    for name in names:
+        kind, seed = name.split(":")
+        seeds.setdefault(kind, []).append(seed)
+    return "; ".join(f"{kind} {', '.join(s)}" for kind, s in seeds.items())
