@@ -15,18 +15,22 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tyro
 from tqdm import tqdm
 
+from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
 from cfnav_ros.bag_eval import evaluate_bag, figures, table
 from cfnav_ros.bag_reader import BagError, read_maps
-from cfnav_ros.graph import Graph, GraphConfig, GraphError
 from cfnav_ros.outcome import Episode, Outcome, agree
 from cfnav_ros.plan import Trial, chosen_trials, drawn_trials, parse_list
+from cfnav_ros.processes import GraphError
 from cfnav_ros.report import write_report, write_trajectories
 from cfnav_ros.run_folder import FolderInUseError, RunFolder
+
+if TYPE_CHECKING:
+    from cfnav_ros.graph import Graph
 
 ROOMS = "kitchen:25,living_room:22,bedroom:23,bathroom:24"
 """Rooms of the demo: test rooms, which training never sees (it uses the seeds 0 to 19)."""
@@ -62,22 +66,38 @@ class DemoConfig:
     """Write pictures and the page."""
 
 
-def plan(graph: Graph, config: DemoConfig) -> tuple[Iterator[Trial], int]:
+def known_goals(config: DemoConfig) -> tuple[str, ...]:
+    """Return the goals that the bundle was trained to find.
+
+    Raises:
+        BundleError: the bundle cannot be used.
+        GraphError: a goal asked for is none of them.
+    """
+    head = BundleHead.load(config.bundle or shipped_bundle())
+    if unknown := set(parse_list(config.goals)) - set(head.goals):
+        raise GraphError(
+            f"bundle {head.name} was not trained to find {', '.join(sorted(unknown))}; "
+            f"it knows {', '.join(head.goals)}"
+        )
+    return head.goals
+
+
+def plan(graph: Graph, config: DemoConfig, known: Sequence[str]) -> tuple[Iterator[Trial], int]:
     """Return the trials of a run and how many of them to run.
 
     Raises:
         GraphError: a room that cannot be made, or a goal that no room has.
     """
+    goals = parse_list(config.goals)
     goals_of = {}
     for room in parse_list(config.room) or parse_list(ROOMS):
         answer = graph.start_episode(room, "", config.seed)
-        if not answer.goals:
-            raise GraphError(f"the simulator offers no goals in {room}: {answer.message}")
-        goals_of[room] = answer.goals
-    goals = parse_list(config.goals)
+        goals_of[room] = tuple(goal for goal in answer.goals if goal in known)
+        if not goals_of[room]:
+            raise GraphError(f"nothing to find in {room}: {answer.message}")
     if not goals:
         return drawn_trials(goals_of, config.seed), config.episodes or len(goals_of)
-    pairs = sum(goal in known for known in goals_of.values() for goal in goals)
+    pairs = sum(goal in has for has in goals_of.values() for goal in goals)
     try:
         return chosen_trials(goals_of, goals, config.seed), config.episodes or pairs
     except ValueError as error:
@@ -87,6 +107,7 @@ def plan(graph: Graph, config: DemoConfig) -> tuple[Iterator[Trial], int]:
 def run_trials(
     graph: Graph,
     config: DemoConfig,
+    known: Sequence[str],
     done: Callable[[Trial, Outcome], None],
     skip: Callable[[Trial], bool] = lambda _: False,
 ) -> None:
@@ -95,13 +116,15 @@ def run_trials(
     Args:
         graph: the running graph.
         config: what to run.
+        known: goals of the bundle.
         done: called with each trial and the simulator's own outcome.
         skip: tells which trials need not be run again; they count.
 
     Raises:
         GraphError: something did not run; also a chosen goal without a start far enough away.
     """
-    trials, left = plan(graph, config)
+    trials, left = plan(graph, config, known)
+    print(f"{left} episodes, ROS domain {graph.domain}, logs in {graph.config.logs}", flush=True)
     refused = 0
     while left:
         trial = next(trials)
@@ -123,11 +146,16 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     """Run the demo and return what stands in ``metrics.json``.
 
     Raises:
+        BundleError: the bundle cannot be used.
         GraphError: the graph did not run.
         BagError: the recorded bag cannot be judged.
         FolderInUseError: another run writes to the same folder.
     """
+    # Here, so that the command answers at once to --help and to arguments that make no sense.
+    from cfnav_ros.graph import Graph, GraphConfig
+
     began = time.monotonic()
+    known = known_goals(config)
     live: list[Outcome] = []
     with RunFolder(config.out) as folder:
         bag = folder.partial / "bag"
@@ -141,7 +169,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             bag=bag,
         )
         with Graph(graph_config) as graph:
-            run_trials(graph, config, lambda _, outcome: live.append(outcome))
+            run_trials(graph, config, known, lambda _, outcome: live.append(outcome))
         episodes = evaluate_bag(bag)
         metrics = _metrics(config, episodes, live)
         metrics["wall_s"] = round(time.monotonic() - began, 1)
@@ -178,9 +206,9 @@ def run_to_exit(name: str, run: Callable[[], Any]) -> Any:
     try:
         return run()
     except KeyboardInterrupt:
-        print(f"{name}: interrupted; every process was ended, nothing was kept", file=sys.stderr)
+        print(f"{name}: interrupted; every process was ended", file=sys.stderr)
         sys.exit(130)
-    except (GraphError, BagError, FolderInUseError, OSError) as error:
+    except (GraphError, BundleError, BagError, FolderInUseError, OSError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         sys.exit(1)
 
@@ -195,11 +223,11 @@ def _interrupt(number: int, frame: object) -> None:
 def _run_one(graph: Graph, trial: Trial, max_steps: int) -> Outcome:
     """Run one episode under a live line of progress."""
     title = f"{trial.room} {trial.goal}"
-    with tqdm(desc=title, bar_format="{desc}: {postfix} [{elapsed}]", leave=False) as line:
+    with tqdm(desc=title, bar_format="{desc} [{elapsed}]", leave=False) as line:
 
         def show(feedback: Any) -> None:
-            line.set_postfix_str(
-                f"step {feedback.step} {feedback.action:<11} "
+            line.set_description_str(
+                f"{title}: step {feedback.step} {feedback.action:<11} "
                 f"p̂ {feedback.collision_probability:.2f}  {feedback.path_length:.2f} m"
             )
 

@@ -30,7 +30,7 @@ from rclpy.task import Future
 
 from cfnav_core.vocabulary import CATEGORIES
 from cfnav_ros.outcome import Outcome
-from cfnav_ros.processes import Child, node_command
+from cfnav_ros.processes import Child, GraphError, node_command
 from cfnav_ros.recorder import Recorder
 
 DOMAINS = range(1, 102)
@@ -53,10 +53,6 @@ HEARD = ("/clock", "oakd/rgb/preview/image_raw", "scan", "odom", "ground_truth/s
 
 _ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
 """Settings of the surroundings that could reach beyond this machine."""
-
-
-class GraphError(Exception):
-    """The graph did not run; the text is one sentence that says what to do or look at."""
 
 
 @dataclass(frozen=True)

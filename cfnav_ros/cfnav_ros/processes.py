@@ -1,4 +1,4 @@
-"""Child processes: started with a log, watched, ended by their id. Knows no ROS."""
+"""The processes of the graph: started with a log, watched, ended by their id. Knows no ROS."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from pathlib import Path
 
 _LIBC = ctypes.CDLL(None)  # here, as nothing may be loaded between fork and exec
 _PR_SET_PDEATHSIG = 1
+
+
+class GraphError(Exception):
+    """The graph did not run; the text is one sentence that says what to do or look at."""
 
 
 class Child:

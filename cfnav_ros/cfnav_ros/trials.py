@@ -14,8 +14,7 @@ from typing import Any
 import tyro
 
 from cfnav_ros.bag_eval import figures
-from cfnav_ros.demo import DemoConfig, commit, run_to_exit, run_trials
-from cfnav_ros.graph import Graph, GraphConfig
+from cfnav_ros.demo import DemoConfig, commit, known_goals, run_to_exit, run_trials
 from cfnav_ros.outcome import Outcome
 from cfnav_ros.plan import Trial, parse_list
 
@@ -66,6 +65,10 @@ def run(config: TrialsConfig) -> list[Outcome]:
         GraphError: the graph did not run.
         OSError: the file of results cannot be read or written.
     """
+    # Here, so that the command answers at once to --help and to arguments that make no sense.
+    from cfnav_ros.graph import Graph, GraphConfig
+
+    known = known_goals(config)
     rows = read_rows(config.out)
     bundle = str(config.bundle or "shipped")
     if others := {row["bundle"] for row in rows} - {bundle}:
@@ -73,7 +76,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
     config.out.parent.mkdir(parents=True, exist_ok=True)
     # Rewritten first, as the next line must not continue one that was cut short.
     config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    known = {Trial(**row["trial"]) for row in rows}
+    there = {Trial(**row["trial"]) for row in rows}
     logs = config.out.with_suffix(".logs")
     room = parse_list(config.room)[0]
     graph_config = GraphConfig(
@@ -92,7 +95,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
             file.write(json.dumps(row) + "\n")
 
     with Graph(graph_config) as graph:
-        run_trials(graph, config, done, skip=known.__contains__)
+        run_trials(graph, config, known, done, skip=there.__contains__)
     names = Outcome.__dataclass_fields__
     return [Outcome(**{name: row[name] for name in names}) for row in rows]
 
