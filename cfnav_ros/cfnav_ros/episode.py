@@ -8,39 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import radians
-from typing import Protocol
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from cfnav_core.actions import HORIZONS_RAD, Action
-from cfnav_ros.inputs import AgeLimits, Inputs, StampedEstimate, unusable
+from cfnav_ros.inputs import NEVER, AgeLimits, Inputs, seconds, unusable
 from cfnav_ros.lidar import Verdict
 from cfnav_ros.motion import STOP, Command, Motion, MotionLimits, Status
 from cfnav_ros.track import Track
 
-
-class Decision(Protocol):
-    """What a policy answers; the fields of ``cfnav_core.policy.Decision`` that are used here."""
-
-    action: Action
-    probabilities: np.ndarray
-    collision_probability: float
-    detection_score: float
-
-
-class Policy(Protocol):
-    """The part of ``cfnav_core.policy.Policy`` that drives an episode."""
-
-    goals: tuple[str, ...]
-
-    def reset(self, goal: str) -> None:
-        """Forget everything and look for goal."""
-
-    def act(self, rgb: np.ndarray, collision_probability: float | None = None) -> Decision:
-        """Decide on a picture, uint8 [H, W, 3]."""
+if TYPE_CHECKING:
+    from cfnav_core.policy import Decision, Policy
 
 
 class Phase(Enum):
@@ -143,15 +123,14 @@ class Episode:
         self.track = Track()
         self._policy, self._submit = policy, submit
         self._limits, self._time_limit = limits, time_limit
-        self._begun: float | None = None
+        self._begun = NEVER
         self._t = self._since = self._usable_at = self._seeing_at = 0.0
         self._still_from = 0.0
-        self._used_ns = -1
         self._failed_motions = 0
         self._origin = 0.0
         self._level = 0
         self._motion: Motion | None = None
-        self._observation: tuple[int, StampedEstimate | None] = (0, None)
+        self._observed = Inputs()
         self._answer: Future | None = None
 
     @property
@@ -173,7 +152,7 @@ class Episode:
 
     def update(self, t: float, inputs: Inputs) -> Output:
         """Advance to node time t (seconds) with the newest inputs."""
-        if self._begun is None:
+        if self._begun == NEVER:
             self._begun = self._since = self._usable_at = self._seeing_at = self._t = t
         if self.ended:
             return Output()
@@ -212,7 +191,7 @@ class Episode:
             return
         if self.track.bump(inputs.bumped_at) and self._motion:
             self._motion.bump()
-        if inputs.odometry and not self.track.odometry(inputs.odometry):
+        if not self.track.odometry(inputs.odometry):
             self.fail("Odometry jumped: its pose was reset, or the robot was moved.")
 
     def _check_inputs(self, t: float, inputs: Inputs) -> bool:
@@ -223,31 +202,39 @@ class Episode:
             self.fail(inputs.base.fault)
         elif self.phase is Phase.PREFLIGHT:
             if t - self._begun > limits.preflight_timeout:
-                self.fail(complaint or inputs.base.waiting or "The policy is still busy.")
+                waiting = complaint or inputs.base.waiting or self._blindness(inputs)
+                self.fail(waiting or "The policy is still busy.")
         elif complaint and t - self._usable_at > limits.lost_timeout:
             self.fail(complaint)
-        estimate = inputs.estimate.estimate if limits.lidar and inputs.estimate else None
-        if estimate is None or estimate.verdict is not Verdict.BLIND:
+        blindness = self._blindness(inputs)
+        if not blindness or self.phase is Phase.PREFLIGHT:
             self._seeing_at = t
         elif t - self._seeing_at > limits.blind_timeout:
-            self.fail(f"The LiDAR is blind: {estimate.reason}")
+            self.fail(complaint or blindness)
         if not complaint:
             self._usable_at = t
         return bool(complaint)
 
+    def _blindness(self, inputs: Inputs) -> str:
+        estimate = inputs.estimate.estimate
+        if not self._limits.lidar or estimate.verdict is not Verdict.BLIND:
+            return ""
+        return f"The LiDAR is blind: {estimate.reason}"
+
     # Phases: each is one state of the machine
 
     def _preflight(self, t: float, inputs: Inputs) -> Output:
-        if self._answer is None:
+        answer = self._answer
+        if answer is None:
             fault = self._refusal(inputs)
             if fault:
                 self.fail(fault)
                 return Output()
-            self._answer = self._submit(self._policy.reset, self.goal)
-        if not inputs.base.ready or not self._answer.done():
+            answer = self._answer = self._submit(self._policy.reset, self.goal)
+        if not inputs.base.ready or not answer.done() or self._blindness(inputs):
             return Output()
-        if self._answer.exception():
-            self.fail(str(self._answer.exception()))
+        if answer.exception():
+            self.fail(str(answer.exception()))
             return Output()
         self._answer = None
         self.track = Track(inputs.bumped_at)
@@ -281,9 +268,9 @@ class Episode:
         if since is None:
             return False
         since = max(since, self._still_from)
-        seen = inputs.frame.stamp_ns * 1e-9 >= since + self._limits.settle
-        scanned = not self._limits.lidar or inputs.estimate.stamp_ns * 1e-9 >= since
-        return seen and scanned and inputs.frame.stamp_ns > self._used_ns
+        seen = seconds(inputs.frame.stamp_ns) >= since + self._limits.settle
+        scanned = not self._limits.lidar or seconds(inputs.estimate.stamp_ns) >= since
+        return seen and scanned and inputs.frame.stamp_ns > self._observed.frame.stamp_ns
 
     def _ask(self, t: float, inputs: Inputs) -> None:
         try:
@@ -291,39 +278,36 @@ class Episode:
         except ValueError as error:
             self.fail(str(error))
             return
-        estimate = inputs.estimate if self._limits.lidar else None
-        probability = estimate.estimate.probability if estimate else None
-        self._used_ns = inputs.frame.stamp_ns
-        self._observation = (inputs.frame.stamp_ns, estimate)
+        probability = inputs.estimate.estimate.probability if self._limits.lidar else None
+        self._observed = inputs
         self._answer = self._submit(self._policy.act, rgb, probability)
         self._enter(Phase.THINK, t)
 
     def _think(self, t: float, inputs: Inputs) -> Output:
-        if not self._answer.done():
+        answer, seen = self._answer, self._observed
+        assert answer is not None
+        if not answer.done():
             if t - self._since > self._limits.think_timeout:
                 self.fail("The policy did not answer in time.")
             return Output()
-        if self._answer.exception():
-            self.fail(f"The policy failed: {self._answer.exception()}")
+        if answer.exception():
+            self.fail(f"The policy failed: {answer.exception()}")
             return Output()
-        decision, self._answer = self._answer.result(), None
-        stamp, estimate = self._observation
+        decision: Decision = answer.result()
+        vetoed = decision.action is Action.MoveAhead and self._vetoes(seen)
         self.steps += 1
-        vetoed = decision.action is Action.MoveAhead and self._vetoes(estimate)
         self.vetoes += vetoed
-        record = StepRecord(
-            self.steps, decision, stamp, estimate.stamp_ns if estimate else 0, vetoed
-        )
-        output = Output() if vetoed else self._execute(decision.action, t, inputs)
+        scan_ns = seen.estimate.stamp_ns if self._limits.lidar else 0
+        record = StepRecord(self.steps, decision, seen.frame.stamp_ns, scan_ns, vetoed)
         if vetoed:
             self._enter(Phase.OBSERVE, t)
-        return Output(output.command, output.tilt, record)
+            return Output(record=record)
+        return replace(self._execute(decision.action, t, inputs), record=record)
 
-    def _vetoes(self, estimate: StampedEstimate | None) -> bool:
+    def _vetoes(self, seen: Inputs) -> bool:
         limits = self._limits
-        if not limits.veto or estimate is None:
-            return False
-        return estimate.estimate.probability >= limits.veto_probability
+        watched = limits.veto and limits.lidar
+        return watched and seen.estimate.estimate.probability >= limits.veto_probability
 
     def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
         if action is Action.Done:
@@ -352,32 +336,34 @@ class Episode:
         return Output(tilt=target)
 
     def _move(self, t: float, inputs: Inputs) -> Output:
-        self._guard(inputs)
-        command, status = self._motion.update(t, inputs.odometry)
+        motion = self._motion
+        assert motion is not None
+        self._guard(motion, inputs)
+        command, status = motion.update(t, inputs.odometry)
         if status is Status.DRIVING:
             return Output(command)
         if status is Status.ODOM_JUMP:
-            self.fail(self._motion.reason)
+            self.fail(motion.reason)
             return Output()
         self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
         if self._failed_motions >= self._limits.max_failed_motions:
-            self.fail(f"{self._failed_motions} motions failed: {self._motion.reason}")
+            self.fail(f"{self._failed_motions} motions failed: {motion.reason}")
             return Output()
         self._motion = None
         self._still_from = t
         self._enter(Phase.OBSERVE, t)
         return Output()
 
-    def _guard(self, inputs: Inputs) -> None:
+    def _guard(self, motion: Motion, inputs: Inputs) -> None:
         """Stop a MoveAhead when a scan taken on the way sees less room than the way still needs."""
         limits, odometry, seen = self._limits, inputs.odometry, inputs.estimate
-        watched = limits.veto and limits.lidar and self._motion.action is Action.MoveAhead
-        if not watched or seen.stamp_ns * 1e-9 <= self._since:
+        watched = limits.veto and limits.lidar and motion.action is Action.MoveAhead
+        if not watched or seconds(seen.stamp_ns) <= self._since:
             return
-        driven = max(odometry.stamp - seen.stamp_ns * 1e-9, 0.0) * max(odometry.v, 0.0)
-        needed = self._motion.remaining(odometry) + driven - limits.guard_slack
+        driven = max(odometry.stamp - seconds(seen.stamp_ns), 0.0) * max(odometry.v, 0.0)
+        needed = motion.remaining(odometry) + driven - limits.guard_slack
         if seen.estimate.verdict is Verdict.BLIND or seen.estimate.clearance < needed:
-            self._motion.block("The LiDAR sees the way closing.")
+            motion.block("The LiDAR sees the way closing.")
 
     def _stopping(self, t: float) -> Output:
         waited = t - self._since

@@ -5,12 +5,13 @@ Pure. Stamps are node time; those that go into records are integer nanoseconds, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from cfnav_ros.lidar import Estimate
+from cfnav_ros.lidar import Estimate, blind
 from cfnav_ros.motion import Odometry
 from cfnav_ros.preflight import BaseCheck
 
@@ -18,40 +19,53 @@ FUTURE_S = 0.5
 """A stamp this far ahead of node time comes from another clock."""
 
 
+NEVER, NEVER_NS = -math.inf, -1
+"""Stamps of what has not arrived yet."""
+
+
+def seconds(stamp_ns: int) -> float:
+    """A stamp in seconds."""
+    return NEVER if stamp_ns == NEVER_NS else stamp_ns * 1e-9
+
+
+def _no_picture() -> np.ndarray:
+    raise ValueError("No picture has arrived.")
+
+
 @dataclass(frozen=True)
 class Frame:
     """A picture; ``decode`` gives uint8 [H, W, 3] RGB or raises ValueError with one sentence."""
 
-    stamp_ns: int
-    decode: Callable[[], np.ndarray]
+    stamp_ns: int = NEVER_NS
+    decode: Callable[[], np.ndarray] = _no_picture
 
 
 @dataclass(frozen=True)
 class StampedEstimate:
     """A collision estimate and the stamp of the scan it came from."""
 
-    stamp_ns: int
-    estimate: Estimate
+    stamp_ns: int = NEVER_NS
+    estimate: Estimate = field(default_factory=lambda: blind("No estimate has arrived."))
 
 
 @dataclass(frozen=True)
 class Tilt:
     """Measured camera tilt, radians, up positive; stamp in seconds."""
 
-    stamp: float
-    angle: float
+    stamp: float = NEVER
+    angle: float = math.nan
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """The newest message of each kind; None until the first."""
+    """The newest message of each kind; stamped ``NEVER`` until the first."""
 
-    base: BaseCheck
-    frame: Frame | None = None
-    estimate: StampedEstimate | None = None
-    odometry: Odometry | None = None
-    tilt: Tilt | None = None
-    bumped_at: float | None = None
+    base: BaseCheck = BaseCheck(waiting="Nobody has looked for a robot yet.")  # noqa: RUF009
+    frame: Frame = field(default_factory=Frame)
+    estimate: StampedEstimate = field(default_factory=StampedEstimate)
+    odometry: Odometry = field(default_factory=lambda: Odometry(NEVER, 0.0, 0.0, 0.0))
+    tilt: Tilt = field(default_factory=Tilt)
+    bumped_at: float = NEVER
 
 
 @dataclass(frozen=True)
@@ -80,17 +94,16 @@ def unusable(
         One sentence, empty when all can be used.
     """
     stamps = {
-        "picture": (inputs.frame and inputs.frame.stamp_ns * 1e-9, limits.frame),
-        "odometry": (inputs.odometry and inputs.odometry.stamp, limits.odometry),
+        "picture": (seconds(inputs.frame.stamp_ns), limits.frame),
+        "odometry": (inputs.odometry.stamp, limits.odometry),
     }
     if lidar:
-        stamp = inputs.estimate and inputs.estimate.stamp_ns * 1e-9
-        stamps["collision estimate"] = (stamp, limits.estimate)
+        stamps["collision estimate"] = (seconds(inputs.estimate.stamp_ns), limits.estimate)
     if tilt:
-        stamps["camera tilt"] = (inputs.tilt and inputs.tilt.stamp, limits.tilt)
+        stamps["camera tilt"] = (inputs.tilt.stamp, limits.tilt)
     complaints = []
     for name, (stamp, limit) in stamps.items():
-        if stamp is None:
+        if stamp == NEVER:
             complaints.append(f"no {name} has arrived")
         elif t - stamp > limit:
             complaints.append(f"the newest {name} is {t - stamp:.2f} s old (limit {limit:g} s)")

@@ -13,7 +13,7 @@ import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -36,11 +36,11 @@ from std_msgs.msg import Float64
 
 from cfnav_core.policy import BundleError, Policy
 from cfnav_ros import conversions
-from cfnav_ros.episode import Episode, Output, Phase, StepRecord
+from cfnav_ros.episode import Episode, Phase, StepRecord
 from cfnav_ros.inputs import Frame, Inputs
 from cfnav_ros.motion import STOP, Command
 from cfnav_ros.parameters import PolicyParameters, declare
-from cfnav_ros.preflight import STAMPED, BaseCheck, check_base
+from cfnav_ros.preflight import STAMPED, check_base
 from cfnav_ros.stop_signal import StopSignal
 
 GUARD_PERIOD_S = 0.1
@@ -59,25 +59,32 @@ BURST_S = 0.6
 Load = Callable[[str | None], Policy]
 
 
+@dataclass(frozen=True)
+class Run:
+    """The goal that is being served and its episode."""
+
+    goal: ServerGoalHandle
+    episode: Episode
+
+
 class PolicyNode(Node):
     """Serves ``navigate_to_object`` with one policy on one base."""
 
     def __init__(self, load: Load) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
-        self._parameters = declare(self, PolicyParameters)
-        self._policy = load(self._parameters.bundle or None)
+        self._settings = declare(self, PolicyParameters)
+        self._policy = load(self._settings.bundle or None)
         self._worker = ThreadPoolExecutor(1, "policy")
-        self._episode: Episode | None = None
-        self._goal: ServerGoalHandle | None = None
+        self._run: Run | None = None
         self._next: ServerGoalHandle | None = None
-        self._inputs = Inputs(BaseCheck())
+        self._inputs = Inputs()
         self._velocity: Publisher | None = None
         self._closing = False
         self._base_checked_at = 0.0
         self._clock_read, self._clock_moved_at = 0, 0.0
         self._create_publishers()
         self._create_subscriptions()
-        self._timer = self.create_timer(1.0 / self._parameters.rate, self._tick, autostart=False)
+        self._timer = self.create_timer(1.0 / self._settings.rate, self._tick, autostart=False)
         self._guard = self.create_timer(
             GUARD_PERIOD_S, self._watch_clock, clock=Clock(clock_type=ClockType.STEADY_TIME),
             autostart=False,
@@ -105,7 +112,7 @@ class PolicyNode(Node):
     def _create_subscriptions(self) -> None:
         newest = qos_profile_sensor_data
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
-        image_topic = self._parameters.image_topic
+        image_topic = self._settings.image_topic
         self._images = self.create_subscription(Image, image_topic, self._on_image, only_newest)
         self.create_subscription(CollisionEstimate, "collision/estimate", self._on_estimate, 5)
         self.create_subscription(Odometry, "odom", self._on_odometry, newest)
@@ -115,7 +122,7 @@ class PolicyNode(Node):
         )
 
     def _announce(self) -> None:
-        episode = self._parameters.episode
+        episode = self._settings.episode
         probability = "collision/estimate" if episode.lidar else "the bundle's own predictor"
         self.get_logger().info(
             f"Bundle {self._policy.name} drives. Pictures from {self._images.topic_name}, "
@@ -127,7 +134,7 @@ class PolicyNode(Node):
 
     @property
     def _vetoing(self) -> bool:
-        return self._parameters.episode.lidar and self._parameters.episode.veto
+        return self._settings.episode.lidar and self._settings.episode.veto
 
     def _on_image(self, message: Image) -> None:
         ns = conversions.stamp_to_ns(message.header.stamp)
@@ -143,7 +150,7 @@ class PolicyNode(Node):
         self._take("odometry", conversions.odometry_from_message, message)
 
     def _on_joints(self, message: JointState) -> None:
-        tilt = conversions.tilt_from_message(message, self._parameters.tilt_joint)
+        tilt = conversions.tilt_from_message(message, self._settings.tilt_joint)
         if tilt is not None:
             self._inputs = replace(self._inputs, tilt=tilt)
 
@@ -166,41 +173,41 @@ class PolicyNode(Node):
         return GoalResponse.REJECT if self._closing else GoalResponse.ACCEPT
 
     def _accept(self, goal: ServerGoalHandle) -> None:
-        if self._episode is None:
+        if self._run is None:
             self._begin(goal)
             return
-        self._episode.finish("preempted", "A newer goal came.")
+        self._run.episode.finish("preempted", "A newer goal came.")
         if self._next is not None:
             self._resolve(self._next, NavigateToObject.Result(
                 outcome="preempted", message="A newer goal came."))  # fmt: skip
         self._next = goal
 
     def _begin(self, goal: ServerGoalHandle) -> None:
-        request, limits = goal.request, self._parameters.episode
+        request, limits = goal.request, self._settings.episode
         if request.max_steps:
             limits = replace(limits, max_steps=request.max_steps)
-        self._goal = goal
-        self._episode = Episode(
+        episode = Episode(
             request.goal, self._policy, self._submit, limits, time_limit=request.time_limit
         )
+        self._run = Run(goal, episode)
         self._clock_moved_at = time.monotonic()
         self._base_checked_at = 0.0
         self._timer.reset()
         self._guard.reset()
-        self._publish_status(EpisodeStatus.STARTED)
+        self._publish_status(episode, EpisodeStatus.STARTED)
         self.get_logger().info(f"Looking for {request.goal}.")
 
-    def _end(self) -> None:
+    def _end(self, run: Run) -> None:
         """Tell everybody how the episode ended and take the next goal, if any."""
-        episode, goal = self._episode, self._goal
+        episode = run.episode
         self._timer.cancel()
         self._guard.cancel()
-        self._publish_status(EpisodeStatus.ENDED)
+        self._publish_status(episode, EpisodeStatus.ENDED)
         self.get_logger().info(
             f"{episode.goal}: {episode.outcome} after {episode.steps} decisions. {episode.message}"
         )
-        self._resolve(goal, conversions.result(episode))
-        self._episode = self._goal = None
+        self._resolve(run.goal, conversions.result(episode))
+        self._run = None
         if self._next is not None:
             goal, self._next = self._next, None
             self._begin(goal)
@@ -230,27 +237,25 @@ class PolicyNode(Node):
 
     def _poke(self) -> None:
         """Go on at once where the episode waits for what has just come; turns keep to the timer."""
-        if self._episode and self._episode.phase in (Phase.OBSERVE, Phase.THINK):
+        if self._run and self._run.episode.phase in (Phase.OBSERVE, Phase.THINK):
             self._tick()
 
     def _tick(self) -> None:
-        episode = self._episode
-        if episode is None:
+        run = self._run
+        if run is None:
             return
-        if self._goal.is_cancel_requested:
-            episode.finish("canceled", "The client canceled the goal.")
+        if run.goal.is_cancel_requested:
+            run.episode.finish("canceled", "The client canceled the goal.")
         self._check_base()
         now = self.get_clock().now()
-        self._carry_out(episode.update(now.nanoseconds * 1e-9, self._inputs))
-        if episode.ended:
-            self._end()
-
-    def _carry_out(self, output: Output) -> None:
+        output = run.episode.update(now.nanoseconds * 1e-9, self._inputs)
         self._drive(output.command)
         if output.tilt is not None:
-            self._tilts.publish(Float64(data=float(output.tilt)))
+            self._tilts.publish(Float64(data=output.tilt))
         if output.record is not None:
-            self._report(output.record)
+            self._report(run, output.record)
+        if run.episode.ended:
+            self._end(run)
 
     def _drive(self, command: Command) -> None:
         if self._velocity is None:
@@ -259,7 +264,7 @@ class PolicyNode(Node):
             self._velocity.publish(conversions.twist(command))
             return
         now = self.get_clock().now().to_msg()
-        frame = self._parameters.base_frame
+        frame = self._settings.base_frame
         self._velocity.publish(conversions.twist_stamped(command, now, frame))
 
     def _check_base(self) -> None:
@@ -277,9 +282,9 @@ class PolicyNode(Node):
             topic,
             conversions.endpoints(self.get_subscriptions_info_by_topic(topic)),
             [name for _, name in publishers],
-            self._parameters.cmd_vel_type,
-            self._parameters.allow_robot,
-            self._parameters.other_publishers.split(),
+            self._settings.cmd_vel_type,
+            self._settings.allow_robot,
+            self._settings.other_publishers.split(),
         )
         self._inputs = replace(self._inputs, base=base)
         if base.ready:
@@ -295,32 +300,33 @@ class PolicyNode(Node):
 
     def _watch_clock(self) -> None:
         """Stop the robot when node time stands still, which stops every other watch."""
-        read = self.get_clock().now().nanoseconds
+        run, read = self._run, self.get_clock().now().nanoseconds
+        if run is None:
+            return
         if read != self._clock_read:
             self._clock_read, self._clock_moved_at = read, time.monotonic()
             return
         stood = time.monotonic() - self._clock_moved_at
-        limits = self._parameters
+        limits = self._settings
         patience = limits.clock_timeout if read else limits.episode.preflight_timeout
         if stood > CLOCK_GRACE_S:
             self._drive(STOP)
         if stood > patience:
-            self._episode.fail("Node time stands still: is /clock published?")
+            run.episode.fail("Node time stands still: is /clock published?")
         if stood > patience + CLOCK_GRACE_S:
-            self._end()
+            self._end(run)
 
     # Reports
 
-    def _report(self, record: StepRecord) -> None:
+    def _report(self, run: Run, record: StepRecord) -> None:
         """Publish a decision before it is executed."""
         now = self.get_clock().now().to_msg()
-        goal, path_length = self._episode.goal, self._episode.track.path_length
-        self._decisions.publish(conversions.decision(record, goal, now))
-        self._goal.publish_feedback(conversions.feedback(record, path_length))
+        self._decisions.publish(conversions.decision(record, run.episode.goal, now))
+        run.goal.publish_feedback(conversions.feedback(record, run.episode.track.path_length))
 
-    def _publish_status(self, phase: int) -> None:
+    def _publish_status(self, episode: Episode, phase: int) -> None:
         now = self.get_clock().now().to_msg()
-        self._episodes.publish(conversions.status(self._episode, phase, self._policy.name, now))
+        self._episodes.publish(conversions.status(episode, phase, self._policy.name, now))
 
     def shut_down(self, wait: Callable[[float], None]) -> None:
         """Send zeros for long enough to arrive, end a running episode, and let the policy finish.
@@ -330,10 +336,10 @@ class PolicyNode(Node):
         """
         self._closing = True
         end = time.monotonic() + BURST_S
-        if self._episode is not None:
+        if self._run is not None:
             self._next = None
-            self._episode.fail("The policy node was stopped.")
-            self._end()
+            self._run.episode.fail("The policy node was stopped.")
+            self._end(self._run)
         while self._velocity is not None and time.monotonic() < end:
             self._drive(STOP)
             wait(0.05)

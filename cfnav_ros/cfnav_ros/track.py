@@ -22,7 +22,7 @@ BUMP_GAP_S = 0.5
 class Track:
     """Accumulates over one episode; feed it every new message, repeats do no harm."""
 
-    def __init__(self, bumped_at: float | None = None) -> None:
+    def __init__(self, bumped_at: float = -math.inf) -> None:
         """Start from nothing; the bump reported at ``bumped_at`` (seconds) is an old one."""
         self.path_length = 0.0
         self.bumps = 0
@@ -54,10 +54,9 @@ class Track:
         self.path_length += math.hypot(sample.x - before.x, sample.y - before.y)
         return True
 
-    def bump(self, stamp: float | None) -> bool:
+    def bump(self, stamp: float) -> bool:
         """Take the stamp of the newest bump report, seconds; True when it is a new contact."""
         before, self._bumped_at = self._bumped_at, stamp
-        if stamp is None or (before is not None and stamp - before <= BUMP_GAP_S):
-            return False
-        self.bumps += 1
-        return True
+        new = stamp > before + BUMP_GAP_S
+        self.bumps += new
+        return new

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cfnav_ros.episode import Episode, EpisodeLimits, Phase
-from cfnav_ros.inputs import Frame, Inputs, StampedEstimate, Tilt
+from cfnav_ros.inputs import NEVER, Frame, Inputs, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Verdict
 from cfnav_ros.motion import STOP, Odometry
 from cfnav_ros.preflight import BaseCheck
@@ -60,7 +60,7 @@ class Robot:
     def __init__(self):
         self.t = 100.0
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
-        self.estimate, self.base, self.bumped_at = FREE, READY, None
+        self.estimate, self.base, self.bumped_at = FREE, READY, NEVER
         self.stuck, self.tilt_stuck = False, False
         self.frozen = set()  # inputs that no longer arrive
         self.inputs = None
@@ -205,7 +205,7 @@ def test_without_veto_the_policy_is_obeyed():
 def test_without_lidar_the_policy_is_given_no_probability():
     robot = Robot()
     robot.sense()
-    robot.inputs = dataclasses.replace(robot.inputs, estimate=None)
+    robot.inputs = dataclasses.replace(robot.inputs, estimate=Inputs().estimate)
     robot.frozen = {"estimate"}
     episode, policy = episode_of(Action.MoveAhead, Action.Done, lidar=False)
     robot.run(episode)
@@ -297,7 +297,7 @@ def test_a_picture_that_cannot_be_read_is_refused():
 def test_a_missing_input_is_waited_for_and_then_refused(name, word):
     robot = Robot()
     robot.sense()
-    robot.inputs = dataclasses.replace(robot.inputs, **{name: None})
+    robot.inputs = dataclasses.replace(robot.inputs, **{name: getattr(Inputs(), name)})
     robot.frozen = {name}
     episode, _ = episode_of(Action.Done)
     robot.run(episode)
@@ -306,7 +306,7 @@ def test_a_missing_input_is_waited_for_and_then_refused(name, word):
     assert 10 < robot.t - 100 < 11
     robot = Robot()
     robot.sense()
-    robot.inputs = dataclasses.replace(robot.inputs, **{name: None})
+    robot.inputs = dataclasses.replace(robot.inputs, **{name: getattr(Inputs(), name)})
     robot.frozen = {name}
     episode, _ = episode_of(Action.Done)
     for _ in range(100):
@@ -377,8 +377,9 @@ def test_an_input_that_comes_back_resumes_the_motion():
 
 def test_a_blind_lidar_forbids_moving_and_then_ends_the_episode():
     robot = Robot()
-    robot.estimate = BLIND
     episode, policy = episode_of(*[Action.MoveAhead] * 99)
+    robot.run(episode, until=lambda e: e.phase is Phase.OBSERVE)
+    robot.estimate = BLIND
     robot.run(episode)
     assert (episode.outcome, episode.message) == (
         "aborted",
@@ -386,6 +387,24 @@ def test_a_blind_lidar_forbids_moving_and_then_ends_the_episode():
     )
     assert robot.x == 0.0
     assert set(policy.seen) == {1.0}
+
+
+def test_a_lidar_that_is_blind_from_the_start_is_waited_for_and_then_refused():
+    robot = Robot()
+    robot.estimate = BLIND
+    episode, _ = episode_of(Action.Done)
+    for _ in range(150):
+        robot.tick(episode)
+    robot.estimate = FREE
+    assert robot.run(episode).outcome == "done"
+    robot = Robot()
+    robot.estimate = BLIND
+    episode, _ = episode_of(Action.Done)
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == (
+        "refused",
+        "The LiDAR is blind: Nothing returns.",
+    )
 
 
 def test_a_bump_ends_the_move_is_counted_once_and_the_episode_goes_on():
@@ -439,7 +458,7 @@ def test_a_camera_that_does_not_tilt_ends_the_episode():
 def test_a_camera_without_tilt_needs_none():
     robot = Robot()
     robot.sense()
-    robot.inputs = dataclasses.replace(robot.inputs, tilt=None)
+    robot.inputs = dataclasses.replace(robot.inputs, tilt=Tilt())
     robot.frozen = {"tilt"}
     episode, _ = episode_of(Action.LookDown, Action.Done, has_tilt=False)
     assert robot.run(episode).outcome == "done"

@@ -142,9 +142,8 @@ def start(domain, folder, *parameters):
 
 
 @pytest.fixture
-def graph(tmp_path):
-    domain = 101 - os.getpid() % 60
-    process, lidar = start(domain, tmp_path), Lidar(domain)
+def graph(tmp_path, ros_domain_id):
+    process, lidar = start(ros_domain_id, tmp_path), Lidar(ros_domain_id)
     try:
         lidar.wait(lambda: lidar.heard and lidar.scans.get_subscription_count(), "the node")
         yield lidar, process, tmp_path / "log"
@@ -200,8 +199,10 @@ def test_the_node(graph):
         ("stael:=1.0", "There is no parameter 'stael'; there are stale,"),
     ],
 )
-def test_a_bad_parameter_gives_one_sentence_and_exit_code_2(tmp_path, parameter, sentence):
-    process = start(101 - os.getpid() % 60, tmp_path, parameter)
+def test_a_bad_parameter_gives_one_sentence_and_exit_code_2(
+    tmp_path, ros_domain_id, parameter, sentence
+):
+    process = start(ros_domain_id, tmp_path, parameter)
     assert process.wait(DEADLINE_S) == 2
     lines = (tmp_path / "log").read_text().strip().splitlines()
     assert len(lines) == 1

@@ -25,6 +25,7 @@ from cfnav_ros.conversions import image_to_rgb, ns_to_stamp, stamp_to_ns  # noqa
 from geometry_msgs.msg import Twist, TwistStamped  # noqa: E402
 from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
+from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rclpy.action import ActionClient  # noqa: E402
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
@@ -261,20 +262,15 @@ def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node")
 
 
 @pytest.fixture
-def domain():
-    return 1 + os.getpid() % 38
-
-
-@pytest.fixture
-def graph(tmp_path, domain):
+def graph(tmp_path, ros_domain_id):
     """Starts a robot and a policy node; afterwards the node must have been well or be ended."""
     started = []
 
     def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), **robot):
         log = tmp_path / "log"
-        robot = Robot(domain, **robot)
+        robot = Robot(ros_domain_id, **robot)
         started.append(robot)
-        process = start_node(domain, log, f"bundle:={bundle}", *parameters, program=program)
+        process = start_node(ros_domain_id, log, f"bundle:={bundle}", *parameters, program=program)
         started.append(process)
         return robot, process, log
 
@@ -326,6 +322,12 @@ def test_an_episode_from_goal_to_done(graph, make_bundle):
         assert int(again.action) == decision.action
         assert decision.action_probabilities == pytest.approx(again.probabilities, abs=1e-6)
         assert decision.detection_score == pytest.approx(again.detection_score, abs=1e-6)
+
+    asked = robot.node.create_client(GetParameters, "policy_node/get_parameters")
+    robot.wait(asked.service_is_ready, "the parameter service")
+    answer = asked.call_async(GetParameters.Request(names=["episode.motion.v_max"]))
+    robot.wait(answer.done, "a parameter")
+    assert answer.result().values[0].double_value == 0.2
 
     text = log.read_text()
     assert f"Bundle {'-'.join(ROUND)} drives" in text
@@ -484,18 +486,18 @@ def test_a_second_publisher_is_a_refusal_and_a_missing_robot_too(graph, make_bun
         ("episode.motion.v_max:=0.01", "v_min is 0.05, expected a number in (0, v_max = 0.01]."),
     ],
 )
-def test_what_cannot_start_says_so_and_exits_with_2(tmp_path, domain, parameter, sentence):
-    process = start_node(domain, tmp_path / "log", parameter)
+def test_what_cannot_start_says_so_and_exits_with_2(tmp_path, ros_domain_id, parameter, sentence):
+    process = start_node(ros_domain_id, tmp_path / "log", parameter)
     assert process.wait(DEADLINE_S) == 2
     lines = (tmp_path / "log").read_text().strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith(f"policy_node: {sentence}")
 
 
-def test_a_damaged_bundle_says_so_and_exits_with_2(tmp_path, domain, make_bundle):
+def test_a_damaged_bundle_says_so_and_exits_with_2(tmp_path, ros_domain_id, make_bundle):
     bundle = make_bundle("Done", "Done")
     with (bundle / "policy.onnx").open("ab") as file:
         file.write(b"x")
-    process = start_node(domain, tmp_path / "log", f"bundle:={bundle}")
+    process = start_node(ros_domain_id, tmp_path / "log", f"bundle:={bundle}")
     assert process.wait(DEADLINE_S) == 2
     assert "the bundle is damaged" in (tmp_path / "log").read_text().splitlines()[-1]
