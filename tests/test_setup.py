@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 import tomllib
 from pathlib import Path
 
@@ -15,6 +16,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ROOT / "scripts"
+
+
+def wait_until(condition, what, timeout_s=60.0):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, f"not within {timeout_s:.0f} s: {what}"
+        time.sleep(0.02)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -286,6 +294,27 @@ def test_a_failing_command_shows_its_output_and_one_sentence(checkout):
     assert "Set-up failed: pip could not install the packages (all of its output:" in done.stderr
     assert not (checkout / ".venv/cfnav/packages.stamp").exists()
     assert (checkout / ".venv/cfnav/venv.stamp").exists()
+
+
+def test_an_ended_set_up_says_so_and_is_taken_up_afresh(checkout):
+    variables = {
+        k: v for k, v in os.environ.items() if k not in ("AMENT_PREFIX_PATH", "ROS_DISTRO")
+    }
+    process = subprocess.Popen(
+        [sys.executable, "scripts/set_up.py"],
+        cwd=checkout, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert "Virtual environment .venv" in process.stdout.readline()
+        wait_until((checkout / ".venv/bin").exists, "the virtual environment has begun")
+        process.terminate()
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert errors == "Set-up interrupted; the next run starts the interrupted step afresh.\n"
+    assert (checkout / ".venv/cfnav/in-progress").read_text() == "venv\n"
+    assert not (checkout / ".venv/cfnav/venv.stamp").exists()
 
 
 @pytest.mark.ros
