@@ -34,7 +34,7 @@ test-long: setup-test ## Run the tests that take minutes
 lint: setup-test ## Check style, types and spelling
 	@$(ENV) ruff check . && ruff format --check . && codespell && mypy
 
-bench: setup-test ## Measure the live graph and write out/bench
+bench: setup ## Measure the live graph and write out/bench
 	@$(ENV) exec python -m cfnav_ros.bench --out $(BENCH_OUT)
 
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)

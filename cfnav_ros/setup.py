@@ -14,9 +14,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    entry_points={
-        "console_scripts": [f"{name} = {PACKAGE}.{name}:main" for name in EXECUTABLES]
-    },
+    entry_points={"console_scripts": [f"{name} = {PACKAGE}.{name}:main" for name in EXECUTABLES]},
     install_requires=["setuptools"],
     zip_safe=False,
 )

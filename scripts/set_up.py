@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -36,6 +37,29 @@ def tell(line: str) -> None:
     print(f"[set-up {time.monotonic() - _started:4.0f} s] {line}", flush=True)
 
 
+def run_in_group(command: Sequence[str], cwd: Path, log: BinaryIO) -> int:
+    """Runs a command in a process group of its own and returns its exit code.
+
+    When this program is interrupted, the whole group is ended: nothing goes on alone.
+    """
+    variables = environment.clean(os.environ)
+    process = subprocess.Popen(
+        command,
+        cwd=cwd,
+        env=variables,
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        process_group=0,
+    )
+    try:
+        return process.wait()
+    except BaseException:
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
+        raise
+
+
 def run(command: Sequence[str], failure: str, cwd: Path = ROOT) -> None:
     """Runs a command with its output in the log.
 
@@ -52,15 +76,8 @@ def run(command: Sequence[str], failure: str, cwd: Path = ROOT) -> None:
         log.write(f"\n$ {' '.join(command)}\n".encode())
         log.flush()
         start = log.tell()
-        done = subprocess.run(
-            command,
-            cwd=cwd,
-            env=environment.clean(os.environ),
-            stdout=log,
-            stderr=log,
-            stdin=subprocess.DEVNULL,
-        )
-        if done.returncode == 0:
+        code = run_in_group(command, cwd, log)
+        if code == 0:
             return
         log.seek(start)
         lines = log.read().decode(errors="replace").strip().splitlines()
@@ -96,7 +113,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--test", action="store_true", help="also what the tests need, torch too")
     arguments = parser.parse_args()
-    # Ended from outside is interrupted too: the command under way must not go on alone.
+    # Ended from outside is interrupted too.
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, signal.default_int_handler)
     with (ROOT / "Makefile").open() as lock:

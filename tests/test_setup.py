@@ -296,6 +296,18 @@ def test_a_failing_command_shows_its_output_and_one_sentence(checkout):
     assert (checkout / ".venv/cfnav/venv.stamp").exists()
 
 
+def running(folder):
+    """Ids of processes that name the folder on their command line."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = path.read_bytes()
+        except OSError:  # it has just ended
+            continue
+        found += [path.parent.name] if str(folder).encode() in words else []
+    return found
+
+
 def test_an_ended_set_up_says_so_and_is_taken_up_afresh(checkout):
     variables = {
         k: v for k, v in os.environ.items() if k not in ("AMENT_PREFIX_PATH", "ROS_DISTRO")
@@ -307,11 +319,13 @@ def test_an_ended_set_up_says_so_and_is_taken_up_afresh(checkout):
     try:
         assert "Virtual environment .venv" in process.stdout.readline()
         wait_until((checkout / ".venv/bin").exists, "the virtual environment has begun")
+        wait_until(lambda: running(checkout), "a command runs")
         process.terminate()
         _, errors = process.communicate(timeout=60)
     finally:
         process.kill()
     assert process.returncode == 130
+    wait_until(lambda: not running(checkout), "nothing goes on alone")
     assert errors == "Set-up interrupted; the next run starts the interrupted step afresh.\n"
     assert (checkout / ".venv/cfnav/in-progress").read_text() == "venv\n"
     assert not (checkout / ".venv/cfnav/venv.stamp").exists()
