@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import random
 import re
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from cfnav_interfaces.msg import CollisionEstimate
 from cfnav_interfaces.srv import EndEpisode, StartEpisode
 from rclpy.action import ActionClient
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -98,7 +97,7 @@ class Graph:
         self.recorder: Recorder | None = None
         self._episodes = 0
         self._children: list[Child] = []
-        self._thread: threading.Thread | None = None
+        self._node: Node | None = None
 
     def __enter__(self) -> Graph:
         """Start everything and wait until it is ready.
@@ -144,21 +143,15 @@ class Graph:
         if not handle.accepted:
             return NavigateToObject.Result(outcome="refused", message="the goal was not accepted")
         result = handle.get_result_async()
-        done = threading.Event()
-        result.add_done_callback(lambda _: done.set())
-        heard = time.monotonic()
-        while not done.wait(0.1):
-            self.check()
-            while steps:
-                on_step(steps.pop(0))
-                heard = time.monotonic()
-            if time.monotonic() - heard > SILENCE_S:
-                raise GraphError(
-                    f"the policy node took no decision for {SILENCE_S:.0f} s; "
-                    f"see {self.config.logs}/policy_node.log"
-                )
-        for feedback in steps:
-            on_step(feedback)
+        while not result.done():
+            heard = len(steps)
+            self._until(
+                lambda heard=heard: result.done() or len(steps) > heard,
+                SILENCE_S,
+                "next decision of policy_node",
+            )
+            for feedback in steps[heard:]:
+                on_step(feedback)
         return result.result().result
 
     def end_episode(self) -> EndEpisode.Response:
@@ -218,11 +211,10 @@ class Graph:
         if self.recorder is not None:
             recorder, self.recorder = self.recorder, None
             recorder.close() if keep_bag else recorder.abort()
-        if self._thread is not None:
+        if self._node is not None:
             self._executor.shutdown()
-            self._thread.join()
-            self._thread = None
             self._node.destroy_node()
+            self._node = None
         self.context.try_shutdown()
 
     def _join(self) -> None:
@@ -242,14 +234,10 @@ class Graph:
         self._start_client = self._node.create_client(StartEpisode, "simulator/start_episode")
         self._end_client = self._node.create_client(EndEpisode, "simulator/end_episode")
         self._navigate_client = ActionClient(self._node, NavigateToObject, "navigate_to_object")
-        self._estimated = threading.Event()
-        self._node.create_subscription(
-            CollisionEstimate, "collision/estimate", lambda _: self._estimated.set(), 1
-        )
+        # Turned by the waits of this thread alone: a second one could take an answer in before
+        # rclpy has noted that it was asked for.
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="demo")
-        self._thread.start()
         end = time.monotonic() + DISCOVERY_S
         while time.monotonic() < end:
             others = [n for n in self._node.get_node_names() if n != self._node.get_name()]
@@ -281,46 +269,45 @@ class Graph:
 
     def _wait_until_ready(self) -> None:
         """Wait until the services, the action and the first collision estimate are there."""
+        estimates: list[CollisionEstimate] = []
+        listener = self._node.create_subscription(
+            CollisionEstimate, "collision/estimate", estimates.append, 1
+        )
         conditions = {
             "simulator/start_episode of mock_turtlebot4": self._start_client.service_is_ready,
             "simulator/end_episode of mock_turtlebot4": self._end_client.service_is_ready,
-            "collision/estimate of lidar_collision_node": self._estimated.is_set,
+            "collision/estimate of lidar_collision_node": lambda: bool(estimates),
             "navigate_to_object of policy_node": self._navigate_client.server_is_ready,
         }
         if recorder := self.recorder:
             for topic in HEARD:
                 conditions[f"{topic} in the bag"] = lambda topic=topic: recorder.count(topic) > 0
-        end = time.monotonic() + READY_S
-        while missing := [name for name, ready in conditions.items() if not ready()]:
-            self.check()
-            if time.monotonic() > end:
-                raise GraphError(
-                    f"{missing[0]} did not appear within {READY_S:.0f} s; "
-                    f"see the logs in {self.config.logs}"
-                )
-            time.sleep(0.1)
+        for name, ready in conditions.items():
+            self._until(ready, READY_S, name)
+        self._node.destroy_subscription(listener)
 
     def _call(self, client: Any, request: Any, name: str) -> Any:
         return self._wait(client.call_async(request), REQUEST_S, f"answer of {name}")
 
     def _wait(self, future: Future, patience_s: float, what: str) -> Any:
-        """Return the result of a future, watching the processes meanwhile."""
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
+        """Return the result of a future."""
+        self._until(future.done, patience_s, what)
+        return future.result()
+
+    def _until(self, condition: Callable[[], bool], patience_s: float, what: str) -> None:
+        """Receive and watch the processes until a condition holds.
+
+        Raises:
+            GraphError: a process ended, or the condition did not come true in time.
+        """
         end = time.monotonic() + patience_s
-        while not done.wait(0.1):
+        while not condition():
             self.check()
             if time.monotonic() > end:
                 raise GraphError(
                     f"no {what} within {patience_s:.0f} s; see the logs in {self.config.logs}"
                 )
-        return future.result()
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return
+            self._executor.spin_once(timeout_sec=0.1)
 
 
 def _surroundings(logs: Path) -> dict[str, str]:

@@ -43,12 +43,14 @@ def demo(
 def listener(ros_domain_id: int) -> Iterator[Callable]:
     """Return a function that opens a node by name in the test's domain, with its executor."""
     context = Context()
+    kept = []  # a node that nobody holds is gone
 
     def open_node(name: str) -> tuple[Node, SingleThreadedExecutor]:
         rclpy.init(context=context, domain_id=ros_domain_id)
         node = Node(name, context=context)
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
+        kept.append(node)
         return node, executor
 
     yield open_node
