@@ -81,7 +81,9 @@ class Camera:
     def rgb(self, pose: Pose | None = None) -> np.ndarray:
         """The picture at a pose (the robot's own when None): uint8 [H, W, 3]."""
         self._aim(pose or self._world.pose)
-        return self._draw()[0]
+        rgb = np.empty((*self._shape, 3), np.uint8)
+        self._read(rgb, None)
+        return np.ascontiguousarray(rgb[::-1])
 
     def picture(self, pose: Pose | None = None) -> Picture:
         """Picture, depth and owners at a pose (the robot's own when None)."""

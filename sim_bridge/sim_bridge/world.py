@@ -58,7 +58,7 @@ class Contact:
         part: "hull" or "mast".
         other: name of the object touched.
         bearing: rad in the robot's frame, counter-clockwise from forward.
-        speed: m/s of the robot at the time.
+        speed: m/s of the robot at the end of the step, so after the contact has slowed it.
     """
 
     part: str
@@ -84,6 +84,7 @@ class World:
         self.model, self.geom_owner = _build(room)
         self.data = mj.MjData(self.model)
         self._query = mj.MjData(self.model)
+        mj.mj_kinematics(self.model, self._query)  # rays need the parts where they are
         self._hull = self.model.geom("hull").id
         self._mast = self.model.geom("mast").id
         self._tilt = 0.0
@@ -127,6 +128,8 @@ class World:
 
     def contacts(self) -> list[Contact]:
         """What hull and mast touch now."""
+        if self.data.ncon == 0:
+            return []
         found = []
         x, y, yaw = self.data.qpos[:3]
         speed = float(np.hypot(*self.data.qvel[:2]))
