@@ -32,7 +32,7 @@ from sensor_msgs.msg import Image, LaserScan
 
 from cfnav_core.bundle import BundleHead, shipped_bundle
 from cfnav_ros import conversions
-from cfnav_ros.demo import ROOMS, DemoConfig, commit, known_goals, plan, run_to_exit
+from cfnav_ros.demo import DemoConfig, commit, known_goals, plan, run_to_exit
 from cfnav_ros.graph import Graph, GraphConfig
 from cfnav_ros.live_figures import (
     NOMINAL_HZ,
@@ -75,7 +75,7 @@ class BenchConfig:
     """Least driving time at speed 1, real seconds."""
     fast_seconds: float = 30.0
     """Least driving time at speed 0, real seconds."""
-    room: str = ROOMS
+    room: str = "kitchen:25,living_room:22"
     """Rooms to drive in, comma-separated, each <type>:<seed>."""
     seed: int = 1
     """Draws goals and start poses."""
@@ -87,7 +87,9 @@ class BenchConfig:
     """ROS domain; one that is free when not given."""
 
     def check(self) -> None:
-        """Raise GraphError for numbers that make no sense."""
+        """Raise GraphError for values that make no sense."""
+        if not parse_list(self.room):
+            raise GraphError("--room is empty; expected rooms such as kitchen:25")
         for name in ("seconds", "fast_seconds", "max_steps"):
             if not getattr(self, name) > 0:
                 raise GraphError(f"--{name.replace('_', '-')} is {getattr(self, name)}; "
@@ -215,7 +217,7 @@ def measure(config: BenchConfig, speed: float, seconds: float) -> list[Drive]:
     trials_of = DemoConfig(room=config.room, seed=config.seed, bundle=config.bundle)
     known = known_goals(trials_of)
     graph_config = GraphConfig(
-        room=(parse_list(config.room) or parse_list(ROOMS))[0],
+        room=parse_list(config.room)[0],
         logs=config.out / "logs" / f"speed{speed:g}",
         speed=speed,
         bundle=config.bundle,

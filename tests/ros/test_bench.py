@@ -156,6 +156,7 @@ def test_interrupt_leaves_no_figures(bench: Callable, tmp_path: Path) -> None:
     ("arguments", "sentence"),
     [
         (["--seconds", "0"], "--seconds is 0.0; expected more than 0"),
+        (["--room", " ,"], "--room is empty; expected rooms such as kitchen:25"),
         (["--bundle", "/nowhere"], "/nowhere"),
         (["--room", "garage:25"], "garage"),
     ],
