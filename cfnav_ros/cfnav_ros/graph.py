@@ -35,8 +35,9 @@ from cfnav_ros.recorder import Recorder
 DOMAINS = range(1, 102)
 """Domain ids whose ports are free of the system's own on Linux, without the default 0."""
 
-DISCOVERY_S = 2.5
-"""Longest time until participants on one machine have found each other, wall seconds."""
+DISCOVERY_S = 4.0
+"""Wall seconds after which everybody in the domain has been heard of: a participant that misses
+our first announcement is heard at its own next one, and Fast DDS repeats them every 3 s."""
 
 READY_S = 90.0
 """Patience with the start of all nodes, wall seconds."""
