@@ -20,9 +20,13 @@ from cfnav_ros.live_figures import (
     percentiles,
     rate_hz,
     stamp_ns,
+    table,
 )
 
 MS = 1_000_000
+MACHINE = {
+    "load": {"average_1min": 1.0, "cores": 2, "cpu": "a"}, "bundle": "b", "commit": "c"
+}  # fmt: skip
 LONG_S = 500.0
 """Two starts of the graph and two drives, on a machine that does other things too."""
 
@@ -33,14 +37,17 @@ def stream(count: int, period_ms: int, lost: tuple[int, ...] = ()) -> tuple[Hear
     return tuple(Heard(10.0 + (k * period_ms + 5) * 1e-3, k * period_ms * MS) for k in kept)
 
 
-def made_drive(speed: float, slow: float = 1.0, lost: tuple[int, ...] = ()) -> Drive:
+def made_drive(
+    speed: float, slow: float = 1.0, lost: tuple[int, ...] = (), outcome: str = "done"
+) -> Drive:
     """A drive of 2 s: pictures on a grid of 10 ms as the simulator's, one decision."""
     images = [Heard(10.0 + k / 15, round(k / 15, 2) * 1000 * MS) for k in range(31)]
     return Drive(
         room="kitchen:25",
         goal="Fridge",
         speed=speed,
-        outcome="done",
+        outcome=outcome,
+        message="",
         clock=tuple(Heard(10.0 + k * 0.02 * slow, k * 20 * MS) for k in range(101)),
         sensors={
             "camera_hz": tuple(image for k, image in enumerate(images) if k not in lost),
@@ -80,15 +87,19 @@ def test_percentiles_are_between_the_samples_and_need_one() -> None:
 
 
 def test_figures_by_hand() -> None:
-    report = figures([made_drive(1.0, lost=(4,))], [made_drive(0.0, slow=0.25, lost=(5, 6))])
+    late = made_drive(0.0, slow=10.0, outcome="aborted")
+    report = figures([made_drive(1.0, lost=(4,))], [made_drive(0.0, slow=0.25, lost=(5, 6)), late])
     assert report["image_to_action_ms"]["p50"] == 40.0
     assert report["image_to_action_real_ms"]["p50"] == 100.0  # clock of 0.4 s came at 10.4
     assert report["scan_hz"] == pytest.approx(7.692, abs=1e-3)
     assert report["odom_hz"] == 20.0
     assert report["camera_hz"] == pytest.approx(14.5)
     assert report["real_time_factor"] == 4.0
-    assert (report["images_lost"], report["images_published"]) == (3, 62)
-    assert [row["images_lost"] for row in report["drives"]] == [1, 2]
+    assert (report["images_lost"], report["images_published"]) == (3, 93)
+    assert report["drives_held"] == 2
+    assert [row["images_lost"] for row in report["drives"]] == [1, 2, 0]
+    assert figures([late], [late])["real_time_factor"] is None
+    assert "none held" in table({**figures([late], [late]), **MACHINE})
 
 
 @pytest.fixture
@@ -111,7 +122,6 @@ def test_a_short_bench_measures_the_real_graph(bench: Callable, tmp_path: Path) 
     report = json.loads((tmp_path / "bench/live.json").read_text())
     assert report["nominal_hz"] == NOMINAL_HZ == {"camera_hz": 15, "scan_hz": 7.7, "odom_hz": 20}
     assert all(isinstance(report[name], float) and report[name] > 0 for name in NOMINAL_HZ)
-    assert report["real_time_factor"] > 0
     load = report["load"]
     assert load["average_1min"] >= 0
     assert load["cores"] >= 1
@@ -123,12 +133,17 @@ def test_a_short_bench_measures_the_real_graph(bench: Callable, tmp_path: Path) 
     drives = report["drives"]
     assert [drive["speed"] for drive in drives] == [1.0, 0.0]
     for drive in drives:
-        assert (drive["room"], drive["outcome"], drive["decisions"]) == (
-            "bathroom:20", "step_limit", 3)  # fmt: skip
+        assert drive["room"] == "bathroom:20"
         # The clock, which is another topic, tells how many pictures there must have been.
         assert drive["images_published"] == pytest.approx(15 * drive["simulated_s"], abs=2.5)
         received = drive["images_received"]
         assert 0 < received == drive["images_published"] - drive["images_lost"]
+    steady, fast = drives
+    assert (steady["outcome"], steady["decisions"]) == ("step_limit", 3)
+    # At full speed a busy machine may let the inputs grow too old: that is what is measured.
+    assert fast["outcome"] in ("step_limit", "aborted")
+    assert (report["real_time_factor"] is None) == (fast["outcome"] == "aborted")
+    assert report["drives_held"] == sum(drive["outcome"] == "step_limit" for drive in drives)
     for name in ("images_lost", "images_published"):
         assert report[name] == sum(drive[name] for drive in drives)
     assert report["image_to_action_real_ms"]["p50"] > 0
