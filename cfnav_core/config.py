@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 class Hyperparameters:
     """Of Algorithm 1 in its batched synchronous form."""
 
-    stage1_episodes: int = 120_000
+    stage1_episodes: int = 80_000
     """E_1; the paper has 1,000,000."""
-    stage2_episodes: int = 240_000
+    stage2_episodes: int = 160_000
     """E_2; the paper has 2,000,000."""
     batch: int = 256
     """Parallel episodes B."""
