@@ -199,11 +199,12 @@ def _merged(contacts: tuple[Contact, ...]) -> list[Contact]:
 def _draw_actions(axes: Axes, episode: Episode, theme: Theme) -> None:
     starts = [_seconds(episode, d.t_ns) for d in episode.decisions]
     ends = [*starts[1:], _seconds(episode, episode.end_ns)]
+    gap = 0.8 if len(starts) < 60 else 0.0  # between many bars, gaps would hide the bars
     for decision, start, end in zip(episode.decisions, starts, ends, strict=False):
         colour, _ = ACTION_STYLE[decision.action]
         hatch = "////" if decision.vetoed else None
         width = max(end - start, 0.1)
-        axes.barh(0, width, left=start, color=colour, edgecolor=theme.paper, hatch=hatch)
+        axes.barh(0, width, left=start, color=colour, edgecolor=theme.paper, hatch=hatch, lw=gap)
     axes.set_yticks([])
     axes.set_ylabel("action")
 
