@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.config import Rooms, TrainOptions
 from cfnav_core.evaluate import evaluate_bundle, paired_difference, write_json
 from cfnav_core.rooms import parse_rooms
 
@@ -28,7 +29,7 @@ class Evaluate:
     """Number of episodes."""
     seed: int = 0
     """Draws starts and goals."""
-    rooms: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    rooms: Rooms = ()
     """TYPE:SEED or TYPE:FIRST-LAST; every scene of the folder when absent."""
     sample: bool = False
     """Sample actions instead of taking the most probable one."""
@@ -39,7 +40,7 @@ class Evaluate:
     json: Path | None = None
     """Also write every figure here."""
 
-    def run(self) -> None:
+    def run_command(self) -> None:
         """Evaluate and print."""
         rooms = parse_rooms(self.rooms) or None
         arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, rooms)
@@ -76,7 +77,7 @@ class Export:
     metrics: Path | None = None
     """JSON of cfnav evaluate, kept in bundle.json."""
 
-    def run(self) -> None:
+    def run_command(self) -> None:
         """Export."""
         from cfnav_core.export import export_bundle
 
@@ -93,7 +94,7 @@ class Info:
     bundle: Annotated[Path | None, tyro.conf.Positional] = None
     """Folder of the bundle; the shipped one when absent."""
 
-    def run(self) -> None:
+    def run_command(self) -> None:
         """Print the bundle's head."""
         head = BundleHead.load(self.bundle or shipped_bundle())
         print(json.dumps(head.__dict__, indent=1))
@@ -108,41 +109,34 @@ def _print(bundle: Path, f: dict[str, Any]) -> None:
     )
 
 
-def _train(argv: list[str]) -> None:
-    from cfnav_core.train import TrainOptions, train
+@dataclass(frozen=True)
+class Train(TrainOptions):
+    """Train a navigation policy on offline scenes: Algorithm 1, two stages (needs torch)."""
 
-    options = tyro.cli(TrainOptions, prog="cfnav train", args=argv)
-    best = train(options, parse_rooms(options.train_rooms), parse_rooms(options.validation_rooms))
-    print(f"best checkpoint by validation: {best}")
+    def run_command(self) -> None:
+        """Train."""
+        # a robot has no torch, so it is imported only here
+        from cfnav_core.train import train
+
+        best = train(self, parse_rooms(self.train_rooms), parse_rooms(self.validation_rooms))
+        print(f"best checkpoint by validation: {best}")
+
+
+Command = (
+    Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Info, tyro.conf.subcommand("info")]
+)
 
 
 def main() -> None:
     """Entry point: exit 2 with one sentence on bad input."""
-    commands = {"evaluate": Evaluate, "export": Export, "info": Info}
     try:
-        # train needs torch, which a robot does not have: it is read apart
-        if sys.argv[1:2] == ["train"]:
-            _train(sys.argv[2:])
-            return
-        tyro.extras.subcommand_cli_from_dict(
-            {**{k: _runner(v) for k, v in commands.items()}, "train": _train_help}, prog="cfnav"
-        )
+        tyro.cli(Command, prog="cfnav").run_command()  # type: ignore[call-overload]
     except ValueError as error:
         print(f"cfnav: {error}", file=sys.stderr)
         sys.exit(2)
-
-
-def _runner(command: type) -> Any:
-    def run(options: Any) -> None:
-        options.run()
-
-    run.__doc__ = command.__doc__
-    run.__annotations__ = {"options": tyro.conf.OmitArgPrefixes[command], "return": None}
-    return run
-
-
-def _train_help() -> None:
-    """Train a navigation policy (needs torch); see cfnav train --help."""
 
 
 if __name__ == "__main__":

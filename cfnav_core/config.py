@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+Rooms = Annotated[tuple[str, ...], tyro.conf.UseAppendAction]
 
 
 @dataclass(frozen=True)
@@ -53,3 +59,28 @@ class RunConfig:
     """Seed of weights, episodes and actions."""
     hyperparameters: Hyperparameters = field(default_factory=Hyperparameters)
     size: ModelSize = field(default_factory=ModelSize)
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """Train a navigation policy on offline scenes (Algorithm 1, two stages)."""
+
+    scenes: Path
+    """Folder of scenes (python -m sim_bridge.dataset)."""
+    train_rooms: Rooms
+    """Rooms to train in: TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
+    validation_rooms: Rooms
+    """Rooms that choose the checkpoint; never tested in."""
+    out: Path = Path("out/runs/ours")
+    """Folder of the run: checkpoints and log.jsonl. A killed run goes on from it."""
+    stage1: Path | None = None
+    """stage1.safetensors of another run of the same seed: skips stage one."""
+    run: RunConfig = field(default_factory=RunConfig)
+    validation_every: int = 15_000
+    """Episodes between validations."""
+    validation_episodes: int = 600
+    """Frozen validation episodes, argmax."""
+    checkpoint_s: float = 60.0
+    """Seconds between checkpoints."""
+    threads: int = 1
+    """CPU threads."""

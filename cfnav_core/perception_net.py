@@ -45,10 +45,12 @@ class PerceptionNet(nn.Module):
             nn.Linear(24 * COARSE * COARSE, FEATURES), nn.ReLU(inplace=True),
         )  # fmt: skip
         self.geometry = nn.Linear(FEATURES, 2 * COARSE * COARSE)
-        nn.init.constant_(self.detail.bias, -3.0)
-        nn.init.constant_(self.context.bias, -2.0)
+        for maps, prior in ((self.detail, -3.0), (self.context, -2.0)):
+            assert maps.bias is not None
+            nn.init.constant_(maps.bias, prior)
         grid = torch.linspace(-1, 1, HEAT)
         where = torch.stack([grid[None].expand(HEAT, HEAT), grid[:, None].expand(HEAT, HEAT)])
+        self.where: Tensor
         self.register_buffer("where", where[None])
 
     def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:

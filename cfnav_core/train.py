@@ -8,13 +8,12 @@ from __future__ import annotations
 import json
 import subprocess
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from tqdm import tqdm
 
 from cfnav_core.algorithm import Memory, collect_rollout, losses
@@ -26,7 +25,7 @@ from cfnav_core.checkpoint import (
     save_tensors,
 )
 from cfnav_core.collision_predictor import CollisionPredictor
-from cfnav_core.config import RunConfig
+from cfnav_core.config import TrainOptions
 from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.evaluate import Episodes, run_episodes
 from cfnav_core.methods import METHODS
@@ -35,33 +34,7 @@ from cfnav_core.models import MODELS
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.vocabulary import CATEGORIES
 
-Rooms = Annotated[tuple[str, ...], tyro.conf.UseAppendAction]
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
-
-
-@dataclass(frozen=True)
-class TrainOptions:
-    """Train a navigation policy on offline scenes (Algorithm 1, two stages)."""
-
-    scenes: Path
-    """Folder of scenes (python -m sim_bridge.dataset)."""
-    train_rooms: Rooms
-    """Rooms to train in: TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
-    validation_rooms: Rooms
-    """Rooms that choose the checkpoint; never tested in."""
-    out: Path = Path("out/runs/ours")
-    """Folder of the run: checkpoints and log.jsonl. A killed run goes on from it."""
-    stage1: Path | None = None
-    """stage1.safetensors of another run of the same seed: skips stage one."""
-    run: RunConfig = field(default_factory=RunConfig)
-    validation_every: int = 15_000
-    """Episodes between validations."""
-    validation_episodes: int = 600
-    """Frozen validation episodes, argmax."""
-    checkpoint_s: float = 60.0
-    """Seconds between checkpoints."""
-    threads: int = 1
-    """CPU threads."""
 
 
 class Run:
@@ -191,7 +164,8 @@ def train(
     env = ObjectNavEnv(run.bank, run.hp.batch, rng)
     memory = Memory.zeros(run.hp.batch, run.model, run.predictor)
     bar = tqdm(total=run.total, initial=run.episodes, unit="episode", mininterval=5)
-    saved, sums = time.monotonic(), {}
+    saved = time.monotonic()
+    sums: dict[str, float] = {}
     next_validation = run.episodes + options.validation_every
     while run.episodes < run.total:
         in_stage1 = run.episodes < run.hp.stage1_episodes

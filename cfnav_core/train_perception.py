@@ -138,12 +138,15 @@ def train(options: Options) -> dict[str, object]:
     training = Pictures([folders[i] for i in order[held:]])
     held_out = Pictures([folders[i] for i in order[:held]])
     torch.manual_seed(options.seed)
-    net = PerceptionNet().to(memory_format=torch.channels_last)
+    net = PerceptionNet()
+    # torch does not type this form of Module.to
+    net = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), options.lr, weight_decay=1e-2, fused=True)
     checkpoint = options.out.with_suffix(".checkpoint")
     seen = load_state(checkpoint, net, optimizer) if checkpoint.exists() else 0
     bar = tqdm(total=options.pictures, initial=seen, unit="picture", mininterval=10)
-    saved, smooth = time.monotonic(), {}
+    saved = time.monotonic()
+    smooth: dict[str, float] = {}
     while seen < options.pictures:
         rng = np.random.default_rng([options.seed, seen])
         generator = torch.Generator().manual_seed(options.seed * 1_000_003 + seen)

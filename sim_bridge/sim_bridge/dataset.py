@@ -183,7 +183,7 @@ def _heat(category: np.ndarray) -> np.ndarray:
     return np.minimum(counts.reshape(HEAT, HEAT, -1)[..., 1:], 255).astype(np.uint8)
 
 
-def _finished(folder: Path, views: int, perception: Path | None) -> bool:
+def _finished(folder: Path, views: int, perception: Path) -> bool:
     if views:
         return (folder / "set.json").exists()
     try:
@@ -205,9 +205,8 @@ def run(options: Options) -> None:
         raise ValueError("found no rooms; say which, for example --rooms kitchen:0-19")
     from sim_bridge import gl  # noqa: F401  (fails here, once, when nothing can draw)
 
-    perception = options.perception
+    perception = options.perception or shipped_bundle() / "perception.onnx"
     if not options.views:
-        perception = perception or shipped_bundle() / "perception.onnx"
         Perception(perception)
     todo = [
         r for r in rooms if not _finished(room_folder(options.out, *r), options.views, perception)

@@ -14,7 +14,9 @@ Mesh = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def box(half: tuple[float, float, float], repeat: float | None) -> Mesh:
     """A box; each face shows the picture once, or one picture every ``repeat`` metres."""
-    vertices, coordinates, faces = [], [], []
+    vertices: list[np.ndarray] = []
+    coordinates: list[tuple[float, float]] = []
+    faces: list[tuple[int, ...]] = []
     for normal in range(3):
         across, up = ((1, 2), (0, 2), (0, 1))[normal]
         for side in (-1.0, 1.0):
@@ -35,7 +37,7 @@ def box(half: tuple[float, float, float], repeat: float | None) -> Mesh:
                 vertices[start + 1] - vertices[start], vertices[start + 2] - vertices[start]
             )
             order = (0, 1, 2, 0, 2, 3) if outward[normal] * side > 0 else (0, 2, 1, 0, 3, 2)
-            faces += [[start + i for i in order[:3]], [start + i for i in order[3:]]]
+            faces += [tuple(start + i for i in order[:3]), tuple(start + i for i in order[3:])]
     return np.array(vertices), np.array(coordinates), np.array(faces, np.int32)
 
 

@@ -12,7 +12,7 @@ import torch
 from cfnav_core.actions import Action
 from cfnav_core.bundle import BundleError, BundleHead
 from cfnav_core.collision_predictor import CollisionPredictor
-from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
+from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, evaluate_bundle, paired_difference, run_episodes
 from cfnav_core.export import export_bundle
@@ -22,7 +22,7 @@ from cfnav_core.perception import Perception, PerceptionError, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.policy import Policy
 from cfnav_core.scene import SceneError
-from cfnav_core.train import TrainOptions, train
+from cfnav_core.train import train
 
 from .worlds import hall
 

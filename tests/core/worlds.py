@@ -20,7 +20,8 @@ def hall(
 
     The features of a state are a fixed random code, so a network can learn every state by heart.
     """
-    goals = {"Laptop": (5, 4), "Mug": (0, 4)} if goals is None else goals
+    if goals is None:
+        goals = {"Laptop": (width - 1, depth - 1), "Mug": (0, depth - 1)}
     cells = [(i, j) for i in range(width) for j in range(depth) if (i, j) not in pillars]
     index = {c: k for k, c in enumerate(cells)}
     per = HEADINGS * HORIZONS
