@@ -32,9 +32,8 @@ def step_limit(room_type: str) -> int:
 
 @dataclass(frozen=True)
 class Task:
-    """One goal in one scene: ``starts`` are the level states (int64) that do not see it yet."""
+    """One goal in one scene: ``starts`` are its level states (int64) that do not see it yet."""
 
-    scene: int
     goal: int
     starts: np.ndarray
 
@@ -60,7 +59,9 @@ class SceneBank:
             )
         self.perception = scenes[0].perception
         self.names = [s.name for s in scenes]
-        offsets = np.cumsum([0] + [s.num_states for s in scenes])
+        sizes = [s.num_states for s in scenes]
+        offsets = np.cumsum([0, *sizes])
+        self.scene = np.repeat(np.arange(len(scenes)), sizes)
         self.features = np.concatenate([s.features for s in scenes])
         self.detections = np.concatenate([s.detections for s in scenes])
         self.next_state = np.concatenate(
@@ -68,16 +69,15 @@ class SceneBank:
         )
         self.collided = np.concatenate([s.collided for s in scenes])
         self.visible = np.concatenate([s.visible for s in scenes])
-        self.step_limit = np.concatenate([
-            np.full(s.num_states, step_limit(s.room_type))
-            for s in scenes
-        ])  # fmt: skip
+        self.step_limit = np.repeat([step_limit(s.room_type) for s in scenes], sizes)
         self.actions_to = np.full((offsets[-1], len(CATEGORIES)), -1, np.int16)
-        self.tasks = [t for i, s in enumerate(scenes) for t in self._tasks(i, s, int(offsets[i]))]
+        self.tasks = [
+            t for s, o in zip(scenes, offsets, strict=False) for t in self._tasks(s, int(o))
+        ]
         if not self.tasks:
             raise SceneError(f"found no goal that can be reached in {', '.join(self.names)}")
 
-    def _tasks(self, index: int, scene: OfflineScene, offset: int) -> list[Task]:
+    def _tasks(self, scene: OfflineScene, offset: int) -> list[Task]:
         tasks = []
         for goal in np.nonzero(scene.visible.sum(0) >= MIN_GOAL_STATES)[0]:
             distance = scene.actions_to(int(goal))
@@ -85,7 +85,7 @@ class SceneBank:
             level = np.arange(scene.num_states) % HORIZONS == 0
             starts = np.nonzero((distance >= 1) & level)[0]
             if len(starts):
-                tasks.append(Task(index, int(goal), starts + offset))
+                tasks.append(Task(int(goal), starts + offset))
         return tasks
 
     @classmethod

@@ -131,11 +131,7 @@ class Evaluation:
     @property
     def rooms(self) -> np.ndarray:
         """int64 [N], the scene of each episode."""
-        first = np.array([t.starts[0] for t in self.bank.tasks])
-        scene = np.array([t.scene for t in self.bank.tasks])
-        order = np.argsort(first)
-        sizes = np.searchsorted(first[order], self.episodes.states, "right") - 1
-        return scene[order][np.maximum(sizes, 0)]
+        return self.bank.scene[self.episodes.states]
 
     def summary(self) -> dict[str, Any]:
         """All figures: overall, the long episodes, and CF-SR by goal and by room type."""
