@@ -18,6 +18,9 @@ from pathlib import Path
 
 import pytest
 
+# Started in the background of a shell, pytest and all it starts would ignore SIGINT.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 ROOT = Path(__file__).resolve().parent.parent
 DEADLINE_S = 60.0
 DOMAINS = range(1, 102)  # above 101, Fast DDS ports overlap Linux's ephemeral ports

@@ -87,4 +87,6 @@ def node_command(package: str, executable: str) -> list[str]:
 
 def _end_with_parent() -> None:
     """Ask Linux to interrupt this process when its parent dies, even by SIGKILL."""
+    # a shell starts background jobs with SIGINT ignored, and what is ignored is inherited
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)

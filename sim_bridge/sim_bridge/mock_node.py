@@ -39,8 +39,9 @@ from sim_bridge.world import World
 CAMERA_PERIOD = 1.0 / 15.0
 STATE_PERIOD = 1.0 / 20.0
 MAP_RESOLUTION = 0.02
-DISCOVERY_S = 2.0
-"""Wall time after which another robot in the domain has been heard of."""
+DISCOVERY_S = 4.0
+"""Wall time after which another robot in the domain has been heard of; Fast DDS announces a
+participant again every 3 s."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
