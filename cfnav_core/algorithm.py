@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -182,8 +181,3 @@ def losses(
         collision = collision_loss(*flat)
         figures["collision_loss"] = collision.item()
     return loss, collision, figures
-
-
-def episode_seed(seed: int, stream: int) -> np.random.Generator:
-    """Independent random streams of one run."""
-    return np.random.default_rng([seed, stream])

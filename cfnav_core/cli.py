@@ -134,7 +134,11 @@ def main() -> None:
     """Entry point: exit 2 with one sentence on bad input."""
     try:
         tyro.cli(Command, prog="cfnav").run_command()  # type: ignore[call-overload]
-    except ValueError as error:
+    except ModuleNotFoundError as error:
+        print(f"cfnav: found no {error.name}, which this command needs; install it with "
+              "pip install 'cfnav[train]'", file=sys.stderr)  # fmt: skip
+        sys.exit(2)
+    except (ValueError, OSError) as error:
         print(f"cfnav: {error}", file=sys.stderr)
         sys.exit(2)
 

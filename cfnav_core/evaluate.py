@@ -200,6 +200,8 @@ def paired_difference(a: Evaluation, b: Evaluation) -> dict[str, Any]:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write figures, making the folder."""
+    """Write figures, making the folder; the file appears only when complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=1, default=asdict) + "\n")
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(content, indent=1, default=asdict) + "\n")
+    partial.replace(path)

@@ -30,8 +30,11 @@ def export_bundle(
 
     Raises:
         CheckpointError: the checkpoint is damaged or of another network.
-        PerceptionError: the perception network is unusable or not the one it was trained with.
+        PerceptionError: the perception network is unusable.
+        ValueError: another perception than it was trained with, or ``out`` is no bundle.
     """
+    if out.exists() and not (out / "bundle.json").exists():
+        raise ValueError(f"found {out}, which is no bundle; give a new folder or one to replace")
     tensors, head = load_tensors(checkpoint)
     identity = Perception(perception).identity
     if identity != head["perception"]:

@@ -1,7 +1,10 @@
 """Train a little, export, and ask the same question of torch, ONNX, Policy and evaluation."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +74,34 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     card = (made / "again" / "MODEL_CARD.md").read_text()
     assert f"| {first.summary()['cf_sr']:.3f} [" in card
     assert "`cfnav evaluate`" in card
+
+
+def test_export_replaces_nothing_but_a_bundle(made, tmp_path):
+    (tmp_path / "thesis.txt").write_text("precious")
+    with pytest.raises(ValueError, match="is no bundle"):
+        export_bundle(
+            made / "run" / "best.safetensors", made / "perception.onnx", tmp_path, "test"
+        )  # fmt: skip
+    assert (tmp_path / "thesis.txt").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["evaluate", "nowhere", "--scenes", "nowhere"],
+        ["export", "nowhere", "--perception", "p", "--out", "o", "--metrics", "nowhere.json"],
+    ],
+)
+def test_command_line_answers_bad_input_in_one_line(tmp_path, arguments):
+    command = [sys.executable, "-m", "cfnav_core.cli", *arguments]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("cfnav: ")
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_torch_and_onnx_answer_alike(made):
