@@ -89,8 +89,8 @@ def _messages(bag: Path, topics: Collection[str]) -> Iterator[tuple[str, int, An
     """Yield (topic, log time in ns, message) of the given topics in the order of their times."""
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            names = {c.topic: _short(c.topic, topics) for c in reader.connections}
-            chosen = [c for c in reader.connections if names[c.topic]]
+            names = {c.topic: name for c in reader.connections if (name := _short(c.topic, topics))}
+            chosen = [c for c in reader.connections if c.topic in names]
             for connection, t_ns, raw in reader.messages(chosen) if chosen else ():
                 yield names[connection.topic], t_ns, reader.deserialize(raw, connection.msgtype)
     except FileNotFoundError:

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -74,7 +75,7 @@ class BagWriter:
         )
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
-        self._connections: dict[str, object] = {}
+        self._connections: dict[str, Connection] = {}
 
     def add_topic(self, topic: str, msgtype: str, qos: Iterable = ()) -> None:
         """Declare a topic before its first message; ``msgtype`` like ``std_msgs/msg/Header``."""

@@ -148,7 +148,8 @@ def split_episodes(events: Events) -> tuple[Episode, ...]:
         episodes.append(_episode(events, start, status, status.t_ns))
         start = None
     if start is not None:
-        last = max((e.t_ns for e in (*events.truths[-1:], *events.decisions[-1:])), default=0)
+        truths, decisions = events.truths[-1:], events.decisions[-1:]
+        last = max([t.t_ns for t in truths] + [d.t_ns for d in decisions], default=0)
         episodes.append(_episode(events, start, None, max(last, start.t_ns) + 1))
     return tuple(episodes)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,7 +132,7 @@ def _draw_path(axes: Axes, episode: Episode, theme: Theme) -> None:
     points = np.array([(s.x, s.y) for s in episode.truths])
     if len(points) < 2:
         return
-    segments = np.stack([points[:-1], points[1:]], axis=1)
+    segments = list(np.stack([points[:-1], points[1:]], axis=1))
     colours = LinearSegmentedColormap.from_list("time", [theme.early, theme.late])
     lines = LineCollection(segments, cmap=colours, linewidths=3, capstyle="round", zorder=3)
     lines.set_array(np.linspace(0, 1, len(segments)))
@@ -182,7 +183,7 @@ def _draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
     )
 
 
-def _merged(contacts: tuple[Contact, ...]) -> list[Contact]:
+def _merged(contacts: Sequence[Contact]) -> list[Contact]:
     """Join contacts at the same place so that their marks do not cover each other."""
     places: list[Contact] = []
     for contact in contacts:
