@@ -1,0 +1,115 @@
+"""A policy that answers a list and a robot that does what it is told, in steps of node time."""
+
+import dataclasses
+import math
+from concurrent.futures import Future
+from types import SimpleNamespace
+
+import numpy as np
+from cfnav_ros.episode import Episode, EpisodeLimits, Phase
+from cfnav_ros.inputs import NEVER, Frame, Inputs, StampedEstimate, Tilt
+from cfnav_ros.lidar import Estimate, Verdict
+from cfnav_ros.motion import Odometry
+from cfnav_ros.preflight import BaseCheck
+
+DT = 0.05
+FREE = Estimate(0.01, 2.0, Verdict.GOOD, "", 1.0)
+BLOCKED = Estimate(0.97, 0.10, Verdict.GOOD, "", 1.0)
+BLIND = Estimate(1.0, 0.0, Verdict.BLIND, "Nothing returns.", 0.0)
+READY = BaseCheck(type="geometry_msgs/msg/TwistStamped")
+
+
+class ScriptedPolicy:
+    """Answers a fixed list of actions and keeps what it was shown."""
+
+    goals = ("Laptop", "Mug")
+
+    def __init__(self, *actions):
+        self.actions = list(actions)
+        self.seen, self.calls = [], []
+
+    def reset(self, goal):
+        self.calls.append(("reset", goal))
+
+    def act(self, rgb, collision_probability=None):
+        self.calls.append(("act", int(rgb[0, 0, 0])))
+        self.seen.append(collision_probability)
+        return SimpleNamespace(
+            action=self.actions.pop(0),
+            probabilities=np.full(6, 1 / 6, np.float32),
+            collision_probability=collision_probability or 0.0,
+            detection_score=0.5,
+        )
+
+
+def run_now(function, *args):
+    future = Future()
+    try:
+        future.set_result(function(*args))
+    except Exception as error:
+        future.set_exception(error)
+    return future
+
+
+class Robot:
+    """Moves as commanded after one period; reports everything every period."""
+
+    def __init__(self):
+        self.t = 100.0
+        self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
+        self.estimate, self.base, self.bumped_at = FREE, READY, NEVER
+        self.stuck, self.tilt_stuck = False, False
+        self.frozen = set()  # inputs that no longer arrive
+        self.inputs = None
+        self.commands, self.tilts, self.records = [], [], []
+
+    def sense(self):
+        ns = round(self.t * 1e9)
+        picture = np.full((4, 4, 3), int(self.t * 20) % 256, np.uint8)
+        new = Inputs(
+            base=self.base,
+            frame=Frame(ns, lambda: picture),
+            estimate=StampedEstimate(ns, self.estimate),
+            odometry=Odometry(self.t, self.x, self.y, self.yaw, self.v, self.w),
+            tilt=Tilt(self.t, self.tilt),
+            bumped_at=self.bumped_at,
+        )
+        if self.inputs:
+            kept = {name: getattr(self.inputs, name) for name in self.frozen}
+            new = dataclasses.replace(new, **kept)
+        self.inputs = new
+        return new
+
+    def tick(self, episode):
+        output = episode.update(self.t, self.sense())
+        self.commands.append((self.t, output.command))
+        if output.tilt is not None:
+            self.tilts.append(output.tilt)
+            if not self.tilt_stuck:
+                step = max(-0.1, min(0.1, output.tilt - self.tilt))
+                self.tilt += step
+        if output.record:
+            self.records.append((self.t, output.record))
+        self.v, self.w = (0.0, 0.0) if self.stuck else (output.command.v, output.command.w)
+        self.x += self.v * math.cos(self.yaw) * DT
+        self.y += self.v * math.sin(self.yaw) * DT
+        self.yaw += self.w * DT
+        self.t += DT
+        return output
+
+    def run(self, episode, until=lambda episode: episode.ended, limit=120.0):
+        end = self.t + limit
+        while not until(episode):
+            self.tick(episode)
+            assert self.t < end, f"nothing came of it, phase {episode.phase}"
+        return episode
+
+
+def episode_of(*actions, goal="Laptop", submit=run_now, time_limit=0.0, **limits):
+    policy = ScriptedPolicy(*actions)
+    episode = Episode(goal, policy, submit, EpisodeLimits(**limits), time_limit=time_limit)
+    return episode, policy
+
+
+def driving(episode):
+    return episode.phase is Phase.MOVE and episode.track.path_length > 0.05

@@ -1,0 +1,247 @@
+"""Episodes in which something is missing, wrong or lost: waited for, refused or aborted."""
+
+import dataclasses
+from concurrent.futures import Future
+
+import pytest
+from cfnav_ros.episode import EpisodeLimits, Phase
+from cfnav_ros.inputs import Frame, Inputs
+from cfnav_ros.motion import STOP
+from cfnav_ros.preflight import BaseCheck
+
+from cfnav_core.actions import Action
+
+from .scripted_robot import BLIND, FREE, Robot, driving, episode_of, run_now
+
+
+def test_an_unknown_goal_is_refused_with_the_known_ones():
+    robot = Robot()
+    episode, policy = episode_of(Action.Done, goal="Unicorn")
+    robot.run(episode)
+    assert episode.outcome == "refused"
+    assert "'Unicorn'" in episode.message
+    assert "Laptop, Mug" in episode.message
+    assert policy.calls == []
+
+
+def test_a_picture_that_cannot_be_read_is_refused():
+    def bad():
+        raise ValueError("The picture is encoded as yuv422.")
+
+    robot = Robot()
+    robot.sense()
+    robot.inputs = dataclasses.replace(robot.inputs, frame=Frame(round(100.5e9), bad))
+    robot.frozen = {"frame"}
+    episode, _ = episode_of(Action.Done)
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == ("refused", "The picture is encoded as yuv422.")
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("frame", "picture"),
+        ("estimate", "collision estimate"),
+        ("odometry", "odometry"),
+        ("tilt", "tilt"),
+    ],
+)
+def test_a_missing_input_is_waited_for_and_then_refused(name, word):
+    robot = Robot()
+    robot.sense()
+    robot.inputs = dataclasses.replace(robot.inputs, **{name: getattr(Inputs(), name)})
+    robot.frozen = {name}
+    episode, _ = episode_of(Action.Done)
+    robot.run(episode)
+    assert episode.outcome == "refused"
+    assert episode.message == f"No {'camera ' * (name == 'tilt')}{word} has arrived."
+    assert 10 < robot.t - 100 < 11
+    robot = Robot()
+    robot.sense()
+    robot.inputs = dataclasses.replace(robot.inputs, **{name: getattr(Inputs(), name)})
+    robot.frozen = {name}
+    episode, _ = episode_of(Action.Done)
+    for _ in range(100):
+        robot.tick(episode)
+    robot.frozen = set()
+    assert robot.run(episode).outcome == "done"
+
+
+def test_no_robot_and_a_forbidden_robot_are_refused():
+    robot = Robot()
+    robot.base = BaseCheck(waiting="No robot listens on /cmd_vel.")
+    episode, _ = episode_of(Action.Done)
+    assert robot.run(episode).message == "No robot listens on /cmd_vel."
+    robot = Robot()
+    robot.base = BaseCheck(fault="create3_repub listens on /cmd_vel.")
+    episode, _ = episode_of(Action.Done)
+    robot.run(episode)
+    assert episode.outcome == "refused"
+    assert robot.t - 100 < 0.2
+
+
+def test_a_rival_that_appears_while_driving_aborts():
+    robot = Robot()
+    episode, _ = episode_of(*[Action.MoveAhead] * 9)
+    robot.run(episode, until=driving)
+    robot.base = BaseCheck(fault="teleop also publishes on /cmd_vel.")
+    start = robot.t
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == ("aborted", "teleop also publishes on /cmd_vel.")
+    assert all(command == STOP for t, command in robot.commands if t >= start)
+
+
+@pytest.mark.parametrize(
+    ("name", "word", "age"),
+    [
+        ("odometry", "odometry", 0.25),
+        ("frame", "picture", 1.0),
+        ("estimate", "collision estimate", 0.5),
+        ("tilt", "camera tilt", 0.5),
+    ],
+)
+def test_an_input_lost_while_driving_means_zero_then_abort(name, word, age):
+    robot = Robot()
+    episode, _ = episode_of(*[Action.MoveAhead] * 9)
+    robot.run(episode, until=driving)
+    robot.frozen = {name}
+    lost = robot.t
+    robot.run(episode)
+    assert episode.outcome == "aborted"
+    assert word in episode.message
+    assert all(command == STOP for t, command in robot.commands if t > lost + age + 1e-6)
+    assert 2.0 < robot.t - lost < age + 4.2
+
+
+def test_an_input_that_comes_back_resumes_the_motion():
+    robot = Robot()
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode, until=driving)
+    robot.frozen = {"odometry"}
+    for _ in range(30):
+        robot.tick(episode)
+    assert robot.commands[-1][1] == STOP
+    robot.frozen = set()
+    robot.run(episode)
+    assert episode.outcome == "done"
+    assert robot.x == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_blind_lidar_forbids_moving_and_then_ends_the_episode():
+    robot = Robot()
+    episode, policy = episode_of(*[Action.MoveAhead] * 99)
+    robot.run(episode, until=lambda e: e.phase is Phase.OBSERVE)
+    robot.estimate = BLIND
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == (
+        "aborted",
+        "The LiDAR is blind: Nothing returns.",
+    )
+    assert robot.x == 0.0
+    assert set(policy.seen) == {1.0}
+
+
+def test_a_lidar_that_is_blind_from_the_start_is_waited_for_and_then_refused():
+    robot = Robot()
+    robot.estimate = BLIND
+    episode, _ = episode_of(Action.Done)
+    for _ in range(150):
+        robot.tick(episode)
+    robot.estimate = FREE
+    assert robot.run(episode).outcome == "done"
+    robot = Robot()
+    robot.estimate = BLIND
+    episode, _ = episode_of(Action.Done)
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == (
+        "refused",
+        "The LiDAR is blind: Nothing returns.",
+    )
+
+
+def test_a_base_that_never_moves_ends_the_episode():
+    robot = Robot()
+    robot.stuck = True
+    episode, _ = episode_of(*[Action.RotateLeft] * 50)
+    robot.run(episode)
+    assert episode.outcome == "aborted"
+    assert episode.message == "8 motions failed: RotateLeft made no progress for 1 s."
+
+
+def test_a_camera_that_does_not_tilt_ends_the_episode():
+    robot = Robot()
+    robot.tilt_stuck = True
+    episode, _ = episode_of(Action.LookDown, Action.Done)
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == ("aborted", "The camera stays at 0.00 rad.")
+
+
+@pytest.mark.parametrize("moved", [True, False])
+def test_an_odometry_reset_aborts(moved):
+    robot = Robot()
+    episode, _ = episode_of(*[Action.MoveAhead] * 9)
+    robot.run(episode, until=driving if moved else lambda e: e.phase is Phase.OBSERVE)
+    robot.x += 1.0
+    robot.run(episode)
+    assert episode.outcome == "aborted"
+    assert "Odometry jumped" in episode.message
+    assert episode.track.path_length < 0.4
+
+
+def test_a_clock_that_jumps_back_aborts():
+    robot = Robot()
+    episode, _ = episode_of(*[Action.MoveAhead] * 9)
+    robot.run(episode, until=driving)
+    robot.t -= 50.0
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == ("aborted", "Node time jumped back.")
+
+
+def test_a_robot_that_does_not_come_to_rest_is_given_up():
+    robot = Robot()
+    episode, _ = episode_of(Action.Done)
+    while not episode.ended:
+        robot.v = 0.1  # pushed along, whatever is commanded
+        robot.tick(episode)
+        assert robot.t < 120
+    assert "does not come to rest" in episode.message
+
+
+def test_a_slow_policy_is_waited_for_at_zero_velocity_and_asked_once():
+    robot, asked = Robot(), []
+
+    def submit(function, *args):
+        if function.__name__ == "reset":
+            return run_now(function, *args)
+        asked.append((Future(), function, args))
+        return asked[-1][0]
+
+    episode, _ = episode_of(Action.RotateLeft, Action.Done, submit=submit)
+    robot.run(episode, until=lambda e: e.phase is Phase.THINK)
+    for _ in range(40):
+        assert robot.tick(episode).command == STOP
+    assert len(asked) == 1
+    future, function, args = asked[0]
+    future.set_result(function(*args))
+    robot.run(episode, until=lambda e: e.phase is Phase.MOVE)
+    assert episode.steps == 1
+    robot.run(episode, until=lambda e: e.phase is Phase.THINK)
+    robot.run(episode)  # never answered
+    assert (episode.outcome, episode.message) == ("aborted", "The policy did not answer in time.")
+
+
+def test_a_policy_that_fails_aborts_with_its_words():
+    robot = Robot()
+    episode, _ = episode_of()  # nothing scripted: pop from empty list
+    robot.run(episode)
+    assert (episode.outcome, episode.message) == (
+        "aborted",
+        "The policy failed: pop from empty list",
+    )
+
+
+def test_bad_limits_are_refused():
+    with pytest.raises(ValueError, match="max_steps is 0"):
+        EpisodeLimits(max_steps=0)
+    with pytest.raises(ValueError, match="veto_probability is 0"):
+        EpisodeLimits(veto_probability=0.0)
