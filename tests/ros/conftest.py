@@ -1,4 +1,4 @@
-"""Fixtures of the ROS tests: a small real bag, written without a ROS graph."""
+"""Fixtures of the ROS tests: a small real bag, written without a ROS graph, and real bundles."""
 
 from __future__ import annotations
 
@@ -215,3 +215,11 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
         metrics={},
     ).save(folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def make_bundle(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Return a function: names of actions -> a bundle that answers them, then repeats the last."""
+    from .listed_actions import ListedActions
+
+    return ListedActions(tmp_path_factory.mktemp("bundles"))

@@ -1,0 +1,216 @@
+"""A policy node as a process, and a small robot that repeats itself exactly and is its client."""
+
+import math
+import os
+import subprocess
+import sys
+import threading
+import time
+from array import array
+from contextlib import contextmanager
+
+import numpy as np
+import rclpy
+from cfnav_interfaces.action import NavigateToObject
+from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from cfnav_ros.conversions import ns_to_stamp, stamp_to_ns
+from geometry_msgs.msg import TwistStamped
+from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Float64
+
+from tests.conftest import DEADLINE_S
+
+PERIOD_S = 0.05
+LATE_M, LATE_DEG = 0.05, 15.0
+"""How far the robot gets on odometry as old as the node allows (0.25 s), on a machine under load;
+how exact motions are is tested without processes."""
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Robot:
+    """A base, a camera and an estimate at 20 Hz in a thread, and a client; exact and unhurried."""
+
+    def __init__(self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node(name, context=self.context)
+        self.clock = 100_000_000_000 if clock else None
+        self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
+        self.probability, self.clearance, self.bumping = 0.1, 2.0, False
+        self.encoding, self.silent, self.count = "bgr8", set(), 0
+        self.commands, self.pictures, self.feedback = [], {}, []
+        self.decisions, self.statuses = [], []
+        self._make_topics(velocity)
+        self.client = ActionClient(self.node, NavigateToObject, "navigate_to_object")
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self._spin)
+        self.thread.start()
+
+    def _spin(self):
+        try:
+            self.executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _make_topics(self, velocity):
+        node = self.node
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.publishers = {
+            "clock": node.create_publisher(Clock, "/clock", 10),
+            "odometry": node.create_publisher(Odometry, "odom", latched),
+            "joints": node.create_publisher(JointState, "joint_states", 10),
+            "image": node.create_publisher(Image, "oakd/rgb/preview/image_raw", 10),
+            "estimate": node.create_publisher(CollisionEstimate, "collision/estimate", 5),
+            "hazard": node.create_publisher(HazardDetectionVector, "hazard_detection", 5),
+        }
+        if velocity is not None:
+            self.subscription = node.create_subscription(
+                velocity, "cmd_vel", self._on_velocity, BEST_EFFORT
+            )
+        node.create_subscription(Float64, "camera_tilt/command", self._on_tilt, 10)
+        node.create_subscription(PolicyDecision, "policy/decision", self.decisions.append, 50)
+        node.create_subscription(EpisodeStatus, "policy/episode", self.statuses.append, 10)
+        node.create_timer(PERIOD_S, self._step)
+
+    def _on_velocity(self, message):
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        self.v, self.w = twist.linear.x, twist.angular.z
+        self.commands.append((time.monotonic(), self.v, self.w))
+
+    def _on_tilt(self, message):
+        self.tilt = message.data
+
+    def stamp(self):
+        if self.clock is None:
+            return self.node.get_clock().now().to_msg()
+        return ns_to_stamp(self.clock)
+
+    def _send(self, name, message):
+        if name not in self.silent:
+            self.publishers[name].publish(message)
+
+    def _step(self):
+        self.count += 1
+        if self.clock is not None and "clock" not in self.silent:
+            self.clock += round(PERIOD_S * 1e9)
+            self._send("clock", Clock(clock=self.stamp()))
+        self.x += self.v * math.cos(self.yaw) * PERIOD_S
+        self.y += self.v * math.sin(self.yaw) * PERIOD_S
+        self.yaw += self.w * PERIOD_S
+        stamp = self.stamp()
+        odometry = Odometry()
+        odometry.header.stamp = stamp
+        odometry.pose.pose.position.x, odometry.pose.pose.position.y = self.x, self.y
+        odometry.pose.pose.orientation.z = math.sin(self.yaw / 2)
+        odometry.pose.pose.orientation.w = math.cos(self.yaw / 2)
+        odometry.twist.twist.linear.x, odometry.twist.twist.angular.z = self.v, self.w
+        self._send("odometry", odometry)
+        joints = JointState(name=["camera_tilt"], position=[self.tilt])
+        joints.header.stamp = stamp
+        self._send("joints", joints)
+        if self.count % 2 == 0:
+            self._send("image", self._picture(stamp))
+        if self.count % 3 == 0:
+            estimate = CollisionEstimate(probability=self.probability, clearance=self.clearance)
+            estimate.header.stamp = stamp
+            self._send("estimate", estimate)
+        hazards = HazardDetectionVector()
+        hazards.header.stamp = stamp
+        if self.bumping:
+            hazards.detections = [HazardDetection(type=HazardDetection.BUMP)]
+        self._send("hazard", hazards)
+
+    def _picture(self, stamp):
+        rng = np.random.default_rng(self.count)
+        pixels = np.repeat(rng.integers(0, 256, (15, 15, 3), np.uint8), 10, 0).repeat(10, 1)
+        message = Image(height=150, width=150, encoding=self.encoding, step=450, is_bigendian=1)
+        message.header.stamp, message.data = stamp, array("B", pixels.tobytes())
+        self.pictures[stamp_to_ns(stamp)] = message
+        return message
+
+    # The client's side
+
+    def wait(self, condition, what):
+        end = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain: {what}"
+            time.sleep(0.01)  # between looks at the condition; the messages come in a thread
+
+    def send(self, goal="Laptop", **fields):
+        """Send a goal, return its handle and the future of its result."""
+        self.wait(self.client.server_is_ready, "the action server")
+        sent = self.client.send_goal_async(
+            NavigateToObject.Goal(goal=goal, **fields),
+            feedback_callback=lambda message: self.feedback.append(message.feedback),
+        )
+        self.wait(sent.done, "the goal to be accepted")
+        assert sent.result().accepted
+        return sent.result(), sent.result().get_result_async()
+
+    def result(self, future):
+        self.wait(future.done, "the result")
+        return future.result().status, future.result().result
+
+    def wait_driving(self):
+        self.wait(lambda: self.v > 0.1, "the robot to drive")
+
+    def close(self):
+        self.executor.shutdown()
+        self.thread.join()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node")):
+    command = [sys.executable, *program, "--ros-args"]
+    for parameter in parameters:
+        command += ["-p", parameter]
+    env = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_PYTHON_CHECK_FIELDS": "1",
+    }
+    with log.open("w") as output:
+        return subprocess.Popen(command, env=env, stdout=output, stderr=output)
+
+
+@contextmanager
+def policy_graph(folder, domain):
+    """Starts a robot and a policy node; afterwards the node must have been well or be ended."""
+    started = []
+
+    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), **robot):
+        log = folder / "log"
+        robot = Robot(domain, **robot)
+        started.append(robot)
+        process = start_node(domain, log, f"bundle:={bundle}", *parameters, program=program)
+        started.append(process)
+        return robot, process, log
+
+    try:
+        yield start
+    finally:
+        for thing in reversed(started):
+            if isinstance(thing, Robot):
+                thing.close()
+            elif thing.poll() is None:
+                thing.kill()
+                thing.wait()
+
+
+def end_with(process, number):
+    process.send_signal(number)
+    return process.wait(DEADLINE_S)
+
+
+def standing(robot):
+    return robot.v == 0 and robot.w == 0
