@@ -1,174 +1,40 @@
-"""The mock TurtleBot 4 as a process of its own, heard and driven over a real ROS graph."""
+"""One mock TurtleBot 4 as a process of its own: what it sends, and how it obeys."""
 
 from __future__ import annotations
 
-import fcntl
 import math
-import os
-import signal
-import sys
-import tempfile
-import time
-from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.conftest import DEADLINE_S, DOMAINS, RunningProcess
-
 pytestmark = pytest.mark.ros
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
-interfaces = pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
 
-from cfnav_interfaces.msg import GroundTruth  # noqa: E402
 from cfnav_interfaces.srv import EndEpisode, StartEpisode  # noqa: E402
-from geometry_msgs.msg import Twist, TwistStamped  # noqa: E402
-from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector  # noqa: E402
-from nav_msgs.msg import OccupancyGrid, Odometry  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan  # noqa: E402
+from irobot_create_msgs.msg import HazardDetection  # noqa: E402
 from sim_bridge.camera import Camera  # noqa: E402
 from sim_bridge.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world import HULL_RADIUS, Pose, World  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
-from tf2_msgs.msg import TFMessage  # noqa: E402
 
-ROOM, OTHER_ROOM = "kitchen:21", "bathroom:20"
-TOPICS = {
-    "/clock": Clock,
-    "oakd/rgb/preview/image_raw": Image,
-    "oakd/rgb/preview/camera_info": CameraInfo,
-    "scan": LaserScan,
-    "odom": Odometry,
-    "tf": TFMessage,
-    "tf_static": TFMessage,
-    "joint_states": JointState,
-    "hazard_detection": HazardDetectionVector,
-    "ground_truth/state": GroundTruth,
-    "ground_truth/map": OccupancyGrid,
-}
-LATCHED = {"odom", "tf_static", "ground_truth/map"}
-
-
-def seconds(stamp):
-    return stamp.sec + stamp.nanosec * 1e-9
-
-
-def start_mock(log, domain, *parameters):
-    command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", *ros_arguments(parameters)]
-    environment = {
-        **os.environ,
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-    return RunningProcess(command, log, environment)
-
-
-def ros_arguments(parameters):
-    return ["--ros-args", *(word for parameter in parameters for word in ("-p", parameter))]
-
-
-class Listener:
-    """Another node in the domain, in this process: keeps every message, sends commands."""
-
-    def __init__(self, domain):
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = Node("listener", context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.heard = defaultdict(list)
-        for topic, kind in TOPICS.items():
-            qos = QoSProfile(depth=50)
-            if topic in LATCHED:
-                qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
-            self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
-        best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.velocity = self.node.create_publisher(TwistStamped, "cmd_vel", best_effort)
-        self.unstamped = self.node.create_publisher(Twist, "cmd_vel_unstamped", best_effort)
-        self.tilt = self.node.create_publisher(Float64, "camera_tilt/command", 10)
-        self.clients = {
-            kind: self.node.create_client(kind, f"simulator/{name}")
-            for kind, name in ((StartEpisode, "start_episode"), (EndEpisode, "end_episode"))
-        }
-
-    def last(self, topic):
-        return self.heard[topic][-1]
-
-    def now(self):
-        return seconds(self.last("/clock").clock)
-
-    def wait(self, condition, what, each=lambda: None):
-        """Hear messages until a condition holds; ``each`` is called between them."""
-        end = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < end, f"waited in vain: {what}"
-            each()
-            self.executor.spin_once(timeout_sec=0.05)
-
-    def wait_connected(self):
-        publishers = (self.velocity, self.unstamped, self.tilt)
-        self.wait(lambda: all(self.heard[topic] for topic in TOPICS), "every topic")
-        self.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
-
-    def drive(self, v, w, condition, what, unstamped=False):
-        """Renew a command at every odometry message until a condition holds."""
-        sent = [0]
-
-        def renew():
-            if len(self.heard["odom"]) == sent[0]:
-                return
-            sent[0] = len(self.heard["odom"])
-            twist = Twist()
-            twist.linear.x, twist.angular.z = v, w
-            if unstamped:
-                self.unstamped.publish(twist)
-            else:
-                message = TwistStamped(twist=twist)
-                message.header.stamp = self.last("/clock").clock
-                self.velocity.publish(message)
-
-        self.wait(condition, what, renew)
-
-    def wait_rest(self):
-        def rests():
-            twist = self.last("odom").twist.twist
-            return abs(twist.linear.x) < 1e-4 and abs(twist.angular.z) < 1e-4
-
-        self.wait(rests, "the robot to stand still")
-
-    def call(self, kind, **fields):
-        client = self.clients[kind]
-        self.wait(client.service_is_ready, "the service")
-        answer = client.call_async(kind.Request(**fields))
-        self.wait(answer.done, "the answer")
-        return answer.result()
-
-    def close(self):
-        rclpy.shutdown(context=self.context)
-        self.executor.shutdown()
-        self.node.destroy_node()
+from .mock_listener import (  # noqa: E402
+    LATCHED,
+    OTHER_ROOM,
+    ROOM,
+    TOPICS,
+    Listener,
+    locked_domain,
+    seconds,
+    start_mock,
+)
 
 
 @pytest.fixture(scope="module")
 def domain():
-    """A domain for the whole module, locked like those of ``ros_domain_id``."""
-    folder = Path(tempfile.gettempdir(), "cfnav-domains")
-    folder.mkdir(exist_ok=True)
-    for number in reversed(DOMAINS):
-        with (folder / str(number)).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield number
-            return
-    pytest.fail("all ROS domains are taken by other tests")
+    with locked_domain() as number:
+        yield number
 
 
 def before_a_wall():
@@ -427,47 +293,3 @@ def test_second_robot_in_the_domain_is_refused(robot, domain, tmp_path):
         second.end()
     assert second.process.returncode == 2
     assert "choose another ROS_DOMAIN_ID" in second.output
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        (["room:=cellar:1"], "kitchen"),
-        (["rooms:=kitchen:2"], "'rooms' is unknown"),
-        (["speed:=fast"], "expected float"),
-        (["start:=[0.0, 0.0, 0.0]"], "is not free"),
-        (["goal:=Unicorn"], "Unicorn"),
-    ],
-)
-def test_bad_parameter_is_one_sentence_and_exit_code_2(start_process, parameters, words):
-    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments(parameters))
-    assert process.wait() == 2
-    (line,) = process.output.splitlines()
-    assert words in line
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"), [(["--speed"], "--speed is unknown"), (["--ros-args", "-p"], "read")]
-)
-def test_bad_command_line_is_exit_code_2(start_process, arguments, words):
-    process = start_process("sim_bridge.mock_turtlebot4", *arguments)
-    assert process.wait() == 2
-    assert words in process.output.splitlines()[-1]
-
-
-def test_missing_gl_library_is_one_sentence_and_exit_code_2(start_process):
-    process = start_process("sim_bridge.mock_turtlebot4", MUJOCO_GL="nothing", CFNAV_GL_CHOSEN="")
-    assert process.wait() == 2
-    (line,) = process.output.splitlines()
-    assert "GL library" in line
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_it_cleanly(start_process, number):
-    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments([f"room:={OTHER_ROOM}"]))
-    process.wait_for_line("ready")
-    while process.process.poll() is None:  # the later ones hit the clean-up
-        process.process.send_signal(number)
-        time.sleep(0.01)
-    assert process.process.returncode == 0
-    assert "Traceback" not in process.output

@@ -1,0 +1,59 @@
+"""Starts of the mock TurtleBot 4 that must fail with one sentence, and its end by signals."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
+
+from .mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        (["room:=cellar:1"], "kitchen"),
+        (["rooms:=kitchen:2"], "'rooms' is unknown"),
+        (["speed:=fast"], "expected float"),
+        (["start:=[0.0, 0.0, 0.0]"], "is not free"),
+        (["goal:=Unicorn"], "Unicorn"),
+    ],
+)
+def test_bad_parameter_is_one_sentence_and_exit_code_2(start_process, parameters, words):
+    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments(parameters))
+    assert process.wait() == 2
+    (line,) = process.output.splitlines()
+    assert words in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"), [(["--speed"], "--speed is unknown"), (["--ros-args", "-p"], "read")]
+)
+def test_bad_command_line_is_exit_code_2(start_process, arguments, words):
+    process = start_process("sim_bridge.mock_turtlebot4", *arguments)
+    assert process.wait() == 2
+    assert words in process.output.splitlines()[-1]
+
+
+def test_missing_gl_library_is_one_sentence_and_exit_code_2(start_process):
+    process = start_process("sim_bridge.mock_turtlebot4", MUJOCO_GL="nothing", CFNAV_GL_CHOSEN="")
+    assert process.wait() == 2
+    (line,) = process.output.splitlines()
+    assert "GL library" in line
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_cleanly(start_process, number):
+    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments([f"room:={OTHER_ROOM}"]))
+    process.wait_for_line("ready")
+    while process.process.poll() is None:  # the later ones hit the clean-up
+        process.process.send_signal(number)
+        time.sleep(0.01)
+    assert process.process.returncode == 0
+    assert "Traceback" not in process.output
