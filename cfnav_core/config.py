@@ -15,12 +15,12 @@ Rooms = Annotated[tuple[str, ...], tyro.conf.UseAppendAction]
 class Hyperparameters:
     """Of Algorithm 1 in its batched synchronous form."""
 
-    stage1_episodes: int = 80_000
+    stage1_episodes: int = 250_000
     """E_1; the paper has 1,000,000."""
-    stage2_episodes: int = 160_000
+    stage2_episodes: int = 600_000
     """E_2; the paper has 2,000,000."""
-    batch: int = 256
-    """Parallel episodes B."""
+    batch: int = 64
+    """Parallel episodes B. Twice as many halve the updates, and early on updates are what counts."""
     rollout_length: int = 20
     """t_max."""
     gamma: float = 0.99
