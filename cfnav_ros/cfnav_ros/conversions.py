@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
 from geometry_msgs.msg import Twist, TwistStamped
+from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import Image, JointState, LaserScan
 from std_msgs.msg import Header
 
 from cfnav_ros.episode import Episode, StepRecord
-from cfnav_ros.inputs import StampedEstimate, Tilt
+from cfnav_ros.inputs import Frame, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Scan, Verdict
 from cfnav_ros.motion import Command, Odometry
 from cfnav_ros.preflight import Endpoint
@@ -105,6 +107,11 @@ def stamp_to_seconds(stamp: Time) -> float:
     return stamp_to_ns(stamp) * 1e-9
 
 
+def frame_from_message(message: Image) -> Frame:
+    """The picture, to be decoded by whoever looks at it: most are never looked at."""
+    return Frame(stamp_to_ns(message.header.stamp), partial(image_to_rgb, message))
+
+
 def scan_from_message(message: LaserScan) -> Scan:
     """The scan's fields; whether they make sense is judged by ``lidar``."""
     return Scan(
@@ -176,6 +183,13 @@ def tilt_from_message(message: JointState, joint: str) -> Tilt | None:
     if not math.isfinite(angle):
         return None
     return Tilt(stamp_to_seconds(message.header.stamp), angle)
+
+
+def bump_from_message(message: HazardDetectionVector) -> float | None:
+    """When the bumper was pressed, seconds; None when the message speaks of no bump."""
+    if all(hazard.type != HazardDetection.BUMP for hazard in message.detections):
+        return None
+    return stamp_to_seconds(message.header.stamp)
 
 
 def twist(command: Command) -> Twist:

@@ -14,9 +14,11 @@ from builtin_interfaces.msg import Time  # noqa: E402
 from cfnav_ros.inputs import StampedEstimate  # noqa: E402
 from cfnav_ros.lidar import Estimate, Verdict  # noqa: E402
 from cfnav_ros.motion import Command  # noqa: E402
+from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
 from sensor_msgs.msg import Image, JointState, LaserScan  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
 
 from cfnav_ros import conversions  # noqa: E402
 
@@ -164,6 +166,26 @@ def test_the_tilt_is_found_among_the_joints():
     assert conversions.tilt_from_message(message, "camera_tilt").angle == -0.5
     assert conversions.tilt_from_message(message, "arm") is None
     assert conversions.tilt_from_message(change(message, position=[]), "camera_tilt") is None
+
+
+def test_a_frame_is_decoded_when_it_is_looked_at(rgb):
+    frame = conversions.frame_from_message(change(encoded(rgb, "rgb8"), header=Header(stamp=STAMP)))
+    assert frame.stamp_ns == conversions.stamp_to_ns(STAMP)
+    assert np.array_equal(frame.decode(), rgb)
+    unreadable = conversions.frame_from_message(Image())
+    with pytest.raises(ValueError, match="expected one of"):
+        unreadable.decode()
+
+
+def test_a_bump_is_found_among_the_hazards():
+    message = HazardDetectionVector()
+    message.header.stamp = STAMP
+    assert conversions.bump_from_message(message) is None
+    message.detections = [HazardDetection(type=HazardDetection.CLIFF)]
+    assert conversions.bump_from_message(message) is None
+    message.detections.append(HazardDetection(type=HazardDetection.BUMP))
+    bump = conversions.bump_from_message(over_the_wire(message))
+    assert bump == conversions.stamp_to_seconds(STAMP)
 
 
 def test_velocities():
