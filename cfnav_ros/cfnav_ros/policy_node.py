@@ -21,7 +21,7 @@ import rclpy
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
 from geometry_msgs.msg import Twist, TwistStamped
-from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from irobot_create_msgs.msg import HazardDetectionVector
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -36,8 +36,9 @@ from std_msgs.msg import Float64
 
 from cfnav_core.policy import BundleError, Policy
 from cfnav_ros import conversions
+from cfnav_ros.clock_watch import ClockWatch, Standstill
 from cfnav_ros.episode import Episode, Phase, StepRecord
-from cfnav_ros.inputs import Frame, Inputs
+from cfnav_ros.inputs import Inputs
 from cfnav_ros.motion import STOP, Command
 from cfnav_ros.parameters import PolicyParameters, declare
 from cfnav_ros.preflight import STAMPED, check_base
@@ -46,17 +47,11 @@ from cfnav_ros.stop_signal import StopSignal
 GUARD_PERIOD_S = 0.1
 """Real time between looks at whether node time still runs."""
 
-CLOCK_GRACE_S = 0.5
-"""Node time that stands still this long means zero velocity, real seconds."""
-
 BASE_CHECK_S = 0.5
 """Real time between looks at who else is on cmd_vel."""
 
 BURST_S = 0.6
 """How long zeros are sent before the process ends: a base may miss single ones."""
-
-
-Load = Callable[[str | None], Policy]
 
 
 @dataclass(frozen=True)
@@ -70,10 +65,10 @@ class Run:
 class PolicyNode(Node):
     """Serves ``navigate_to_object`` with one policy on one base."""
 
-    def __init__(self, load: Load) -> None:
+    def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
         self._settings = declare(self, PolicyParameters)
-        self._policy = load(self._settings.bundle or None)
+        self._policy = Policy.load(self._settings.bundle or None)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._run: Run | None = None
         self._next: ServerGoalHandle | None = None
@@ -81,7 +76,9 @@ class PolicyNode(Node):
         self._velocity: Publisher | None = None
         self._closing = False
         self._base_checked_at = 0.0
-        self._clock_read, self._clock_moved_at = 0, 0.0
+        self._clock_watch = ClockWatch(
+            self._settings.clock_timeout, self._settings.episode.preflight_timeout
+        )
         self._create_publishers()
         self._create_subscriptions()
         self._timer = self.create_timer(1.0 / self._settings.rate, self._tick, autostart=False)
@@ -127,19 +124,13 @@ class PolicyNode(Node):
         self.get_logger().info(
             f"Bundle {self._policy.name} drives. Pictures from {self._images.topic_name}, "
             f"collision probability from {probability}, LiDAR veto "
-            f"{'on' if self._vetoing else 'off'}, velocities to "
+            f"{'on' if episode.lidar and episode.veto else 'off'}, velocities to "
             f"{self.resolve_topic_name('cmd_vel')}. "
             f"Goals: {', '.join(self._policy.goals)}."
         )
 
-    @property
-    def _vetoing(self) -> bool:
-        return self._settings.episode.lidar and self._settings.episode.veto
-
     def _on_image(self, message: Image) -> None:
-        ns = conversions.stamp_to_ns(message.header.stamp)
-        frame = Frame(ns, partial(conversions.image_to_rgb, message))
-        self._inputs = replace(self._inputs, frame=frame)
+        self._take("frame", conversions.frame_from_message, message)
         self._poke()
 
     def _on_estimate(self, message: CollisionEstimate) -> None:
@@ -150,21 +141,20 @@ class PolicyNode(Node):
         self._take("odometry", conversions.odometry_from_message, message)
 
     def _on_joints(self, message: JointState) -> None:
-        tilt = conversions.tilt_from_message(message, self._settings.tilt_joint)
-        if tilt is not None:
-            self._inputs = replace(self._inputs, tilt=tilt)
+        self._take("tilt", conversions.tilt_from_message, message, self._settings.tilt_joint)
 
     def _on_hazards(self, message: HazardDetectionVector) -> None:
-        if any(hazard.type == HazardDetection.BUMP for hazard in message.detections):
-            stamp = conversions.stamp_to_seconds(message.header.stamp)
-            self._inputs = replace(self._inputs, bumped_at=stamp)
+        self._take("bumped_at", conversions.bump_from_message, message)
 
-    def _take(self, name: str, convert: Any, message: Any) -> None:
+    def _take(self, name: str, convert: Callable[..., Any], *message: Any) -> None:
         """Keep a message; one that makes no sense is left out, so that its input grows old."""
         try:
-            self._inputs = replace(self._inputs, **{name: convert(message)})
+            value = convert(*message)
         except ValueError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=2.0)
+        else:
+            if value is not None:  # None: it speaks of something else
+                self._inputs = replace(self._inputs, **{name: value})
 
     # Goals
 
@@ -190,7 +180,7 @@ class PolicyNode(Node):
             request.goal, self._policy, self._submit, limits, time_limit=request.time_limit
         )
         self._run = Run(goal, episode)
-        self._clock_moved_at = time.monotonic()
+        self._clock_watch.restart(time.monotonic())
         self._base_checked_at = 0.0
         self._timer.reset()
         self._guard.reset()
@@ -300,20 +290,15 @@ class PolicyNode(Node):
 
     def _watch_clock(self) -> None:
         """Stop the robot when node time stands still, which stops every other watch."""
-        run, read = self._run, self.get_clock().now().nanoseconds
+        run = self._run
         if run is None:
             return
-        if read != self._clock_read:
-            self._clock_read, self._clock_moved_at = read, time.monotonic()
-            return
-        stood = time.monotonic() - self._clock_moved_at
-        limits = self._settings
-        patience = limits.clock_timeout if read else limits.episode.preflight_timeout
-        if stood > CLOCK_GRACE_S:
+        standstill = self._clock_watch.look(time.monotonic(), self.get_clock().now().nanoseconds)
+        if standstill >= Standstill.STOP:
             self._drive(STOP)
-        if stood > patience:
+        if standstill >= Standstill.FAIL:
             run.episode.fail("Node time stands still: is /clock published?")
-        if stood > patience + CLOCK_GRACE_S:
+        if standstill >= Standstill.END:
             self._end(run)
 
     # Reports
@@ -346,12 +331,11 @@ class PolicyNode(Node):
         self._worker.shutdown(wait=True, cancel_futures=True)
 
 
-def main(args: list[str] | None = None, load: Load = Policy.load) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; the robot's last command is zero in any case.
 
     Args:
         args: command line, ``sys.argv`` when None.
-        load: gives the policy of a bundle's folder.
 
     Returns:
         0 when told to end, 1 when a callback failed, 2 when bundle or parameters cannot be used.
@@ -359,7 +343,7 @@ def main(args: list[str] | None = None, load: Load = Policy.load) -> int:
     stop = StopSignal()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = PolicyNode(load)
+        node = PolicyNode()
     except (ValueError, RuntimeError, BundleError) as error:
         print(f"policy_node: {error}", file=sys.stderr)
         rclpy.try_shutdown()
