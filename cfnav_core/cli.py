@@ -76,12 +76,16 @@ class Export:
     """Name of the bundle."""
     metrics: Path | None = None
     """JSON of cfnav evaluate, kept in bundle.json."""
+    live: Path | None = None
+    """JSON of python -m cfnav_ros.live_results, kept beside them."""
 
     def run_command(self) -> None:
         """Export."""
         from cfnav_core.export import export_bundle
 
-        metrics = json.loads(self.metrics.read_text()) if self.metrics else None
+        metrics = json.loads(self.metrics.read_text()) if self.metrics else {}
+        if self.live:
+            metrics["live"] = json.loads(self.live.read_text())
         export_bundle(self.checkpoint, self.perception, self.out, self.name, metrics)
         size = sum(f.stat().st_size for f in self.out.iterdir())
         print(f"wrote {self.out} ({size / 1e6:.1f} MB)")

@@ -6,6 +6,11 @@ from typing import Any
 
 from cfnav_core.bundle import BundleHead
 
+_TABLE = (
+    "| bundle | SR | SPL | CF-SR | CF-SPL | collisions per episode |",
+    "|---|---|---|---|---|---|",
+)
+
 
 def model_card(head: BundleHead) -> str:
     """Markdown for ``MODEL_CARD.md``."""
@@ -47,14 +52,15 @@ def _measured(head: BundleHead) -> list[str]:
     m = head.metrics
     rows = [_row(head.name, m)]
     if "against" in m:
-        rows.append(_row(m["against"]["bundle"].rstrip("/").rsplit("/", 1)[-1], m["against"]))
+        rows.append(_row(_name(m["against"]), m["against"]))
     lines = [
-        f"Tensor environment, test rooms {_rooms(m['scenes'])}, {m['episodes']} frozen episodes "
+        "### Tensor environment",
+        "",
+        f"Test rooms {_rooms(m['scenes'])}, {m['episodes']} frozen episodes "
         f"(identity `{m['episodes_identity']}`), argmax, one training seed. Intervals are 95 % "
         "over rooms, not over seeds.",
         "",
-        "| bundle | SR | SPL | CF-SR | CF-SPL | collisions per episode |",
-        "|---|---|---|---|---|---|",
+        *_TABLE,
         *rows,
         "",
     ]
@@ -73,7 +79,40 @@ def _measured(head: BundleHead) -> list[str]:
         ]
     lines += [f"Command: `{m['command']}`", "", "| goal | CF-SR | episodes |", "|---|---|---|"]
     by_goal = sorted(m["cf_sr_by_goal"].items(), key=lambda row: -row[1]["cf_sr"])
-    return lines + [f"| {g} | {row['cf_sr']:.2f} | {row['episodes']} |" for g, row in by_goal]
+    lines += [f"| {g} | {row['cf_sr']:.2f} | {row['episodes']} |" for g, row in by_goal]
+    return lines + (_live(head.name, m["live"]) if "live" in m else [])
+
+
+def _live(name: str, m: dict[str, Any]) -> list[str]:
+    """The trials over the ROS graph: real processes, physics and odometry, LiDAR for p_hat."""
+    rows = [_row(name, m)]
+    if "against" in m:
+        rows.append(_row(_name(m["against"]), m["against"]))
+    veto = "on" if m["veto"] else "off"
+    lines = [
+        "",
+        "### Live ROS graph",
+        "",
+        f"{m['episodes']} episodes through mock TurtleBot 4, LiDAR collision node and policy node "
+        f"in {len(m['rooms'])} test rooms, p_hat from the LiDAR, its veto {veto}, at most "
+        f"{m['speed']:g} times real time; starts at least 5 actions away. Path lengths in metres.",
+        "",
+        *_TABLE,
+        *rows,
+        "",
+    ]
+    if "paired" in m:
+        low, high = m["paired"]["interval"]
+        lines += [
+            f"Paired difference in CF-SR: **{m['paired']['cf_sr_difference']:+.3f}** "
+            f"[{low:+.3f}, {high:+.3f}].",
+            "",
+        ]
+    return [*lines, f"Command: `{m['command']}`"]
+
+
+def _name(m: dict[str, Any]) -> str:
+    return str(m["bundle"]).rstrip("/").rsplit("/", 1)[-1]
 
 
 def _row(name: str, m: dict[str, Any]) -> str:

@@ -24,6 +24,9 @@ TEST_ROOMS = ",".join(
     for kind in ("kitchen", "living_room", "bedroom", "bathroom")
 )
 
+CONDITIONS = ("bundle", "speed", "veto")
+"""What each line repeats, and what all lines of a file must share."""
+
 
 @dataclass(frozen=True)
 class TrialsConfig(DemoConfig):
@@ -63,16 +66,22 @@ def run(config: TrialsConfig) -> list[Outcome]:
 
     Raises:
         GraphError: the graph did not run.
-        OSError: the file of results cannot be read or written.
+        OSError: the file of results cannot be read or written, or holds other trials.
     """
     # Here, so that the command answers at once to --help and to arguments that make no sense.
     from cfnav_ros.graph import Graph, GraphConfig
 
     known = known_goals(config)
     rows = read_rows(config.out)
-    bundle = str(config.bundle or "shipped")
-    if others := {row["bundle"] for row in rows} - {bundle}:
-        raise OSError(f"{config.out} holds episodes of {', '.join(others)}; choose another --out")
+    values = (str(config.bundle or "shipped"), config.speed, config.veto)
+    conditions = dict(zip(CONDITIONS, values, strict=True))
+    for row in rows:
+        found = {name: row.get(name) for name in CONDITIONS}
+        if found != conditions:
+            raise OSError(
+                f"{config.out} holds episodes run with {found}, not {conditions}; "
+                "choose another --out"
+            )
     config.out.parent.mkdir(parents=True, exist_ok=True)
     # Rewritten first, as the next line must not continue one that was cut short.
     config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
@@ -89,7 +98,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
     )
 
     def done(trial: Trial, outcome: Outcome) -> None:
-        row = {"trial": asdict(trial), "bundle": bundle, "commit": commit(), **asdict(outcome)}
+        row = {"trial": asdict(trial), **conditions, "commit": commit(), **asdict(outcome)}
         rows.append(row)
         with config.out.open("a") as file:
             file.write(json.dumps(row) + "\n")

@@ -1,0 +1,131 @@
+"""Figures of trials over the live graph: ``python -m cfnav_ros.live_results OURS [PLAIN]``.
+
+Reads the JSON lines that ``cfnav_ros.trials`` wrote. Two files are compared on the episodes that
+both hold.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from cfnav_core.evaluate import figures, write_json
+from cfnav_core.metrics import EpisodeResult, bootstrap_interval
+from cfnav_ros.plan import Trial
+from cfnav_ros.trials import CONDITIONS, read_rows
+
+
+@dataclass(frozen=True)
+class Options:
+    """Turn trials over the live graph into figures."""
+
+    trials: Annotated[Path, tyro.conf.Positional]
+    """File of python -m cfnav_ros.trials."""
+    against: Annotated[Path | None, tyro.conf.Positional] = None
+    """A second one, compared on the same episodes."""
+    json: Path | None = None
+    """Also write the figures here; cfnav export --live puts them into a bundle."""
+
+
+def live_results(trials: Path, against: Path | None = None) -> dict[str, Any]:
+    """Return the figures of one file, or of the episodes that two files share.
+
+    ``spl`` and ``cf_spl`` are taken in metres; intervals are 95 % over rooms. With two files
+    ``against`` holds the second one's figures and ``paired`` the difference of CF-SR.
+
+    Raises:
+        OSError: a file cannot be read.
+        ValueError: a file is empty or mixes conditions, or the two share no episode or condition.
+    """
+    first = _by_trial(trials)
+    if against is None:
+        return _summary(trials, first, list(first))
+    second = _by_trial(against)
+    ways = [_conditions(*one) for one in ((trials, first), (against, second))]
+    if any(ways[0][name] != ways[1][name] for name in CONDITIONS if name != "bundle"):
+        raise ValueError(
+            f"found {trials} run with {ways[0]}, but {against} with {ways[1]}; run both alike"
+        )
+    shared = [trial for trial in first if trial in second]
+    if not shared:
+        raise ValueError(f"found no episode in both {trials} and {against}; run both with one seed")
+    ours, plain = (np.array([r[t]["cf_success"] for t in shared], int) for r in (first, second))
+    difference, rooms = ours - plain, np.array([t.room for t in shared])
+    return {
+        **_summary(trials, first, shared),
+        "against": _summary(against, second, shared),
+        "paired": {
+            "cf_sr_difference": float(difference.mean()),
+            "interval": bootstrap_interval(difference, rooms),
+        },
+    }
+
+
+def _by_trial(path: Path) -> dict[Trial, dict[str, Any]]:
+    rows = {Trial(**row["trial"]): row for row in read_rows(path)}
+    if not rows:
+        raise ValueError(
+            f"found no episodes in {path}; run python -m cfnav_ros.trials --out {path}"
+        )
+    return rows
+
+
+def _conditions(path: Path, rows: dict[Trial, dict[str, Any]]) -> dict[str, Any]:
+    """What holds for every episode of a file."""
+    found = [{name: row[name] for name in CONDITIONS} for row in rows.values()]
+    if any(other != found[0] for other in found):
+        raise ValueError(f"found episodes run in different ways in {path}; keep one way a file")
+    return found[0]
+
+
+def _summary(path: Path, rows: dict[Trial, dict[str, Any]], trials: list[Trial]) -> dict[str, Any]:
+    chosen = [rows[t] for t in trials]
+    results = [
+        EpisodeResult(r["success"], r["collisions"], r["path_length_m"], r["shortest_path_m"])
+        for r in chosen
+    ]
+    return {
+        "bundle": chosen[0]["bundle"],
+        "commits": sorted({r["commit"] for r in chosen}),
+        **_conditions(path, rows),
+        **figures(results, np.array([t.room for t in trials])),
+        "steps_per_episode": float(np.mean([r["steps"] for r in chosen])),
+        "outcomes": {
+            name: sum(r["outcome"] == name for r in chosen)
+            for name in sorted({r["outcome"] for r in chosen})
+        },
+        "rooms": sorted({t.room for t in trials}),
+    }
+
+
+def main() -> None:
+    """Entry point: exit 2 with one sentence on bad input."""
+    options = tyro.cli(Options, prog="live_results")
+    try:
+        content = live_results(options.trials, options.against)
+    except (OSError, ValueError) as error:
+        print(f"live_results: {error}", file=sys.stderr)
+        sys.exit(2)
+    for f in (content, content.get("against")):
+        if f:
+            low, high = f["cf_sr_interval"]
+            print(
+                f"{f['bundle']}: {f['episodes']} episodes  SR {f['sr']:.3f}  "
+                f"CF-SR {f['cf_sr']:.3f} [{low:.3f}, {high:.3f}]  CF-SPL {f['cf_spl']:.3f}  "
+                f"collisions {f['collisions_per_episode']:.2f}"
+            )
+    if paired := content.get("paired"):
+        low, high = paired["interval"]
+        print(f"CF-SR difference {paired['cf_sr_difference']:+.3f} [{low:+.3f}, {high:+.3f}]")
+    if options.json is not None:
+        command = " ".join(["python -m cfnav_ros.live_results", *sys.argv[1:]])
+        write_json(options.json, {"command": command, **content})
+
+
+if __name__ == "__main__":
+    main()
