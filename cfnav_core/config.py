@@ -20,7 +20,7 @@ class Hyperparameters:
     stage2_episodes: int = 600_000
     """E_2; the paper has 2,000,000."""
     batch: int = 64
-    """Parallel episodes B. Twice as many halve the updates, and early on updates are what counts."""
+    """Parallel episodes B. More of them mean fewer updates, which are what counts early on."""
     rollout_length: int = 20
     """t_max."""
     gamma: float = 0.99

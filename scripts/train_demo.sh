@@ -12,9 +12,9 @@ seed=${SEED:-0}
 perception_rooms=1000-1124
 views=40
 pictures=200000
-training=0-7
+training=0-15
 validation=18-19
-test=20-23
+test=20-25
 
 rooms() { # rooms FLAG RANGE: "FLAG type:RANGE" for each type
   for type in kitchen living_room bedroom bathroom; do printf '%s %s:%s ' "$1" "$type" "$2"; done

@@ -67,13 +67,19 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert "Nothing was measured" in card
     assert "kitchen:0" in card
     first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
-    metrics = {**first.summary(), "command": "cfnav evaluate"}
+    live = {
+        **first.summary(), "bundle": "x", "speed": 2.0, "veto": False, "rooms": ["kitchen:20"],
+        "command": "python -m live", "paired": {"cf_sr_difference": 0.25, "interval": (0.1, 0.4)},
+    }  # fmt: skip
+    metrics = {**first.summary(), "command": "cfnav evaluate", "live": live}
     export_bundle(
         made / "run" / "best.safetensors", made / "perception.onnx", made / "again", "x", metrics
     )
     card = (made / "again" / "MODEL_CARD.md").read_text()
     assert f"| {first.summary()['cf_sr']:.3f} [" in card
     assert "`cfnav evaluate`" in card
+    assert "60 episodes through mock TurtleBot 4" in card
+    assert "**+0.250** [+0.100, +0.400]" in card
 
 
 def test_export_replaces_nothing_but_a_bundle(made, tmp_path):
