@@ -1,7 +1,7 @@
-"""``OfflineScene``: every reachable state of one room, rendered once and stored as arrays.
+"""``OfflineScene``: every reachable state of one room, with what is seen there, as arrays.
 
-Knows the format, not who made it. A state is (position, heading, horizon) with index
-``(position * 8 + heading) * 2 + horizon``; heading h has yaw h * 45 degrees counter-clockwise,
+Knows the format, not who made it: rooms rendered here and published data sets look alike from here
+on. A state is (position, heading, horizon): heading h has yaw h * 45 degrees counter-clockwise,
 horizon 0 is level and 1 is 30 degrees down.
 """
 
@@ -17,14 +17,17 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from cfnav_core.actions import NUM_ACTIONS, STEP_M, Action
-from cfnav_core.vocabulary import CATEGORIES, ROOM_TYPES
+from cfnav_core.vocabulary import ROOM_TYPES
 
 HEADINGS, HORIZONS = 8, 2
-SCHEMA = 1
+SCHEMA = 2
 PICTURES = "pictures.npy"
 """Optional beside the arrays: uint8 [S, 150, 150, 3], to make the features again from."""
 
-ARRAYS = ("features", "detections", "next_state", "collided", "visible", "positions")
+ARRAYS = (
+    "features", "detections", "next_state", "collided", "visible", "position", "heading", "horizon",
+    "positions", "instances", "distance",
+)  # fmt: skip
 
 
 class SceneError(ValueError):
@@ -36,28 +39,43 @@ class OfflineScene:
     """One room as arrays.
 
     Attributes:
-        name: for example ``kitchen:21``.
+        name: for example ``kitchen:21`` or ``FloorPlan21``.
         room_type: one of ``ROOM_TYPES``.
-        perception: identity of the perception that made the features.
-        source: identity of the program that made the room and its pictures.
-        features: float16 [S, F].
-        detections: float16 [S, C, 5]: score, x, y, size, near (see ``perception.Observation``).
+        perception: identity of what made features and detections.
+        source: identity of the program or data set that made the room.
+        objects: names of the C objects that are looked for in pictures.
+        goals: those that may be asked for in this room.
+        features: float16 [S, *F]: (256,) built-in, (512, 7, 7) ResNet18 maps, (2048, 7, 7) CLIP.
+        detections: float16 [S, C, D]; what D numbers mean is up to the perception.
         next_state: int32 [S, 6]: where each action leads; itself when nothing changes.
         collided: bool [S]: MoveAhead would collide.
-        visible: bool [S, C]: the category is visible (``visibility.visible``).
+        visible: bool [S, C]: the object is visible, so that Done here is a success.
+        position: int32 [S], row of ``positions``.
+        heading: int8 [S], 0..7.
+        horizon: int8 [S], 0 or 1.
         positions: float32 [P, 2], metres.
+        instances: int16 [C], how many of an object are visible from anywhere; published data
+            draw goals in proportion to it.
+        distance: float32 [P, C], metres in a straight line to the nearest instance, inf without.
     """
 
     name: str
     room_type: str
     perception: str
     source: str
+    objects: tuple[str, ...]
+    goals: tuple[str, ...]
     features: np.ndarray
     detections: np.ndarray
     next_state: np.ndarray
     collided: np.ndarray
     visible: np.ndarray
+    position: np.ndarray
+    heading: np.ndarray
+    horizon: np.ndarray
     positions: np.ndarray
+    instances: np.ndarray
+    distance: np.ndarray
 
     @property
     def num_states(self) -> int:
@@ -75,7 +93,7 @@ class OfflineScene:
         head = {
             "schema": SCHEMA, "name": self.name, "room_type": self.room_type,
             "perception": self.perception, "source": self.source, "states": self.num_states,
-            "categories": CATEGORIES,
+            "objects": self.objects, "goals": self.goals,
         }  # fmt: skip
         (partial / "scene.json").write_text(json.dumps(head, indent=1))
         if (folder / PICTURES).exists():
@@ -98,24 +116,27 @@ class OfflineScene:
                 f"found no readable scene in {folder} ({error}); "
                 "make it again with python -m sim_bridge.dataset"
             ) from error
-        if head.get("schema") != SCHEMA or tuple(head.get("categories", ())) != CATEGORIES:
+        if head.get("schema") != SCHEMA:
             raise SceneError(
-                f"found scene schema {head.get('schema')} in {folder}, expected {SCHEMA} with this "
-                "version's categories; make it again with python -m sim_bridge.dataset"
+                f"found scene schema {head.get('schema')} in {folder}, expected {SCHEMA}; "
+                "make it again with python -m sim_bridge.dataset"
             )
-        arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(CATEGORIES)].astype(bool)
+        objects = tuple(head["objects"])
+        arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(objects)].astype(bool)
         text = (head[k] for k in ("name", "room_type", "perception", "source"))
-        scene = cls(*text, **arrays)
-        scene._check(folder, head["states"])
+        scene = cls(*text, objects, tuple(head["goals"]), **arrays)
+        scene.check(folder, head["states"])
         return scene
 
-    def _check(self, folder: Path, states: int) -> None:
+    def check(self, folder: Path, states: int) -> None:
+        """Raise ``SceneError`` unless the arrays fit together; ``folder`` is for the message."""
+        c, p = len(self.objects), len(self.positions)
         shapes = {
-            "features": (states, self.features.shape[-1]),
-            "detections": (states, len(CATEGORIES), 5),
-            "next_state": (states, NUM_ACTIONS), "collided": (states,),
-            "visible": (states, len(CATEGORIES)),
-            "positions": (states // (HEADINGS * HORIZONS), 2),
+            "features": (states, *self.features.shape[1:]),
+            "detections": (states, c, *self.detections.shape[2:]),
+            "next_state": (states, NUM_ACTIONS), "collided": (states,), "visible": (states, c),
+            "position": (states,), "heading": (states,), "horizon": (states,),
+            "positions": (p, 2), "instances": (c,), "distance": (p, c),
         }  # fmt: skip
         for key, expected in shapes.items():
             found = getattr(self, key).shape
@@ -123,8 +144,12 @@ class OfflineScene:
                 raise SceneError(f"found {key} of shape {found} in {folder}, expected {expected}")
         if self.next_state.min() < 0 or self.next_state.max() >= states:
             raise SceneError(f"found a next state outside 0..{states - 1} in {folder}")
+        if self.position.min() < 0 or self.position.max() >= p:
+            raise SceneError(f"found a position outside 0..{p - 1} in {folder}")
         if self.room_type not in ROOM_TYPES:
             raise SceneError(f"found room type {self.room_type!r} in {folder}")
+        if unknown := set(self.goals) - set(self.objects):
+            raise SceneError(f"found goals {sorted(unknown)} in {folder} that are no objects")
 
     def actions_to(self, goal: int) -> np.ndarray:
         """int32 [S]: fewest actions, Done not counted, to see the category; -1 never."""
@@ -132,7 +157,7 @@ class OfflineScene:
 
     def metres_to(self, goal: int) -> np.ndarray:
         """float64 [P]: shortest driven way (m) to a position that sees the category; inf never."""
-        return metres_to(self.next_state, self.visible[:, goal])
+        return metres_to(self.next_state, self.visible[:, goal], self.position, self.heading)
 
 
 def actions_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:
@@ -157,27 +182,31 @@ def actions_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distance), distance, -1).astype(np.int32)
 
 
-def metres_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def metres_to(
+    next_state: np.ndarray, targets: np.ndarray, position: np.ndarray, heading: np.ndarray
+) -> np.ndarray:
     """Shortest way in metres from every position to a position with a target state.
 
     Args:
         next_state: int32 [S, 6].
         targets: bool [S].
+        position: int32 [S].
+        heading: int8 [S].
 
     Returns:
         float64 [P]; inf where none can be reached. Turning costs nothing.
     """
-    per = HEADINGS * HORIZONS
-    n = len(next_state) // per
-    level = np.arange(0, len(next_state), HORIZONS)
-    ahead = np.asarray(next_state)[level, Action.MoveAhead]
-    moved = ahead != level
-    length = np.where((level // HORIZONS % HEADINGS) % 2, STEP_M * np.sqrt(2), STEP_M)
-    goals = np.unique(np.nonzero(targets)[0] // per)
+    n = int(position.max()) + 1
+    ahead = np.asarray(next_state)[:, Action.MoveAhead]
+    moved = np.nonzero(ahead != np.arange(len(ahead)))[0]
+    start, end = position[moved], position[ahead[moved]]
+    # states that differ in tilt alone make the same move
+    (start, end), first = np.unique(np.stack([start, end]), axis=1, return_index=True)
+    length = np.where(heading[moved[first]] % 2, STEP_M * np.sqrt(2), STEP_M)
+    goals = np.unique(position[np.nonzero(targets)[0]])
     # the virtual node n leads to every goal; its links are 1 m long (scipy drops zeros) and that
     # metre is taken off again
-    rows = np.r_[ahead[moved] // per, np.full(len(goals), n)]
-    columns = np.r_[level[moved] // per, goals]
-    weights = np.r_[length[moved], np.ones(len(goals))]
+    rows, columns = np.r_[end, np.full(len(goals), n)], np.r_[start, goals]
+    weights = np.r_[length, np.ones(len(goals))]
     graph = csr_array((weights, (rows, columns)), (n + 1, n + 1))
     return dijkstra(graph, indices=n)[:n] - 1.0

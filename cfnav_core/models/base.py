@@ -1,81 +1,156 @@
-"""The contract of navigation models, and the recurrent actor-critic they share (Eq. 2)."""
+"""The contract of navigation models, and what they share (Eq. 2)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
 
-Hidden = tuple[Tensor, Tensor]
-"""h and c of an LSTM, float32 [B, H] each."""
+State = dict[str, Tensor]
+"""What a model remembers of B episodes, float32 [B, ...] each; zeros when an episode starts."""
 
 
-def lstm_step(cell: nn.LSTMCell, x: Tensor, hidden: Hidden) -> Hidden:
-    """One step of an LSTM cell written out, so that it exports to ONNX as plain operators."""
-    gates = F.linear(x, cell.weight_ih, cell.bias_ih) + F.linear(
-        hidden[0], cell.weight_hh, cell.bias_hh
-    )
-    i, f, g, o = gates.chunk(4, 1)
-    c = torch.sigmoid(f) * hidden[1] + torch.sigmoid(i) * torch.tanh(g)
-    return torch.sigmoid(o) * torch.tanh(c), c
+@dataclass(frozen=True)
+class Inputs:
+    """What the scenes of a run offer to a model.
+
+    Attributes:
+        features: shape of one state's picture features: (256,) for the built-in perception,
+            (512, 7, 7) for ResNet18 maps, (2048, 7, 7) for CLIP's.
+        detections: numbers a row of the detection table, D.
+        objects: names of its C rows; goals are among them.
+    """
+
+    features: tuple[int, ...]
+    detections: int
+    objects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """Files computed once from training scenes or word lists; models take what they need.
+
+    Attributes:
+        words: float32 [C, W], word vectors of the objects.
+        text: float32 [C, X], features of a text encoder that belongs to the picture features.
+        zones: float32 [4, Z, C], share of a zone's views that show each object, by room type.
+        zone_edges: float32 [4, Z, Z], share of neighbouring views between zones, diagonal 1.
+        layout: float32 [4, C, C], counts of objects seen together by room type, diagonal 0.
+        adjacency: float32 [C, C], 0 or 1, which objects belong together.
+    """
+
+    words: np.ndarray | None = None
+    text: np.ndarray | None = None
+    zones: np.ndarray | None = None
+    zone_edges: np.ndarray | None = None
+    layout: np.ndarray | None = None
+    adjacency: np.ndarray | None = None
+
+    def need(self, *names: str) -> list[Tensor]:
+        """The named tables as tensors.
+
+        Raises:
+            ValueError: one is missing.
+        """
+        for name in names:
+            if getattr(self, name) is None:
+                raise ValueError(
+                    f"found no {name} among what is known of the objects, but this model needs "
+                    "them; make them with cfnav data knowledge"
+                )
+        return [torch.from_numpy(np.asarray(getattr(self, n), np.float32)) for n in names]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Those that are there, by name."""
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: array for name, array in given.items() if array is not None}
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a model reads at one step of B episodes, float32.
+
+    Attributes:
+        features: [B, *Inputs.features].
+        detections: [B, C, D].
+        goal: [B, C], one-hot over the objects.
+        room: [B, 4], one-hot room type.
+        previous_action: [B, 6], zeros when an episode starts.
+        collision_probability: [B, 1], p_hat; zero in stage one.
+    """
+
+    features: Tensor
+    detections: Tensor
+    goal: Tensor
+    room: Tensor
+    previous_action: Tensor
+    collision_probability: Tensor
+
+
+@dataclass(frozen=True)
+class ModelSize:
+    """Widths of a network. The defaults are those of the compact networks.
+
+    Attributes:
+        hidden: LSTM width; the published networks have 512.
+        channels: of picture and fusion maps; the published networks have 64.
+        dropout: on picture and fusion maps; the published networks have 0.25.
+    """
+
+    hidden: int = 256
+    channels: int = 64
+    dropout: float = 0.0
+
+
+PUBLISHED = ModelSize(hidden=512, channels=64, dropout=0.25)
+"""Widths of the published networks over 7x7 maps."""
 
 
 class NavModel(nn.Module):
     """pi(a | I, g, p_hat; theta) and V. Source: Eq. 2.
 
-    A model implements ``encode``; the LSTM reads its output with the collision probability
-    appended as one more number.
+    A model is a pure function of what it sees and remembers: ``forward`` changes nothing in
+    itself, so that a bootstrap or counterfactual evaluation advances no memory. ``train`` and
+    ``eval`` are the lineage's training and test phases.
 
-    Args:
-        encoded: width of what ``encode`` returns.
-        hidden: LSTM width H.
+    Attributes:
+        state_shapes: names and shapes (without B) of what it remembers.
     """
 
-    def __init__(self, encoded: int, hidden: int) -> None:
-        super().__init__()
-        self.hidden = hidden
-        self.lstm = nn.LSTMCell(encoded + 1, hidden)
-        self.actor = nn.Linear(hidden, NUM_ACTIONS)
-        self.critic = nn.Linear(hidden, 1)
-        nn.init.normal_(self.actor.weight, std=0.01)
-        nn.init.zeros_(self.actor.bias)
+    state_shapes: Mapping[str, tuple[int, ...]]
 
-    def encode(
-        self, features: Tensor, detections: Tensor, goal: Tensor, previous_action: Tensor
-    ) -> Tensor:
-        """Everything the policy reads but p_hat.
+    def zero_state(self, batch: int) -> State:
+        """At the start of ``batch`` episodes."""
+        return {k: torch.zeros(batch, *shape) for k, shape in self.state_shapes.items()}
 
-        Args:
-            features: float32 [B, F].
-            detections: float32 [B, C, 5].
-            goal: float32 [B, C], one-hot.
-            previous_action: float32 [B, 6], zeros at the start.
+    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+        """One step.
 
         Returns:
-            float32 [B, encoded].
+            Action logits [B, 6], value [B, 1], and what is remembered next.
         """
         raise NotImplementedError
 
-    def forward(
-        self, features: Tensor, detections: Tensor, goal: Tensor, previous_action: Tensor,
-        collision_probability: Tensor, h: Tensor, c: Tensor,
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
-        """One step.
 
-        Args:
-            features: see ``encode``.
-            detections: see ``encode``.
-            goal: see ``encode``.
-            previous_action: see ``encode``.
-            collision_probability: float32 [B, 1]; zero in stage one.
-            h: float32 [B, H].
-            c: float32 [B, H].
+def lstm_step(
+    cell: nn.LSTMCell, x: Tensor, h: Tensor, c: Tensor
+) -> tuple[Tensor, Tensor]:
+    """One step of an LSTM cell written out, so that it exports to ONNX as plain operators."""
+    gates = F.linear(x, cell.weight_ih, cell.bias_ih) + F.linear(h, cell.weight_hh, cell.bias_hh)
+    i, f, g, o = gates.chunk(4, 1)
+    c = torch.sigmoid(f) * c + torch.sigmoid(i) * torch.tanh(g)
+    return torch.sigmoid(o) * torch.tanh(c), c
 
-        Returns:
-            Action logits [B, 6], value [B, 1], and the next h and c [B, H].
-        """
-        x = self.encode(features, detections, goal, previous_action)
-        h, c = lstm_step(self.lstm, torch.cat([x, collision_probability], 1), (h, c))
-        return self.actor(h), self.critic(h), h, c
+
+def actor(hidden: int) -> nn.Linear:
+    """The policy's last layer, small at first so that every action is tried."""
+    layer = nn.Linear(hidden, NUM_ACTIONS)
+    nn.init.normal_(layer.weight, std=0.01)
+    nn.init.zeros_(layer.bias)
+    return layer
