@@ -43,6 +43,7 @@ class Knowledge:
         zone_edges: float32 [4, Z, Z], share of neighbouring views between zones, diagonal 1.
         layout: float32 [4, C, C], counts of objects seen together by room type, diagonal 0.
         adjacency: float32 [C, C], 0 or 1, which objects belong together.
+        parents: float32 [4, C, C], worth of first seeing j on the way to goal i, by room type.
     """
 
     words: np.ndarray | None = None
@@ -51,6 +52,7 @@ class Knowledge:
     zone_edges: np.ndarray | None = None
     layout: np.ndarray | None = None
     adjacency: np.ndarray | None = None
+    parents: np.ndarray | None = None
 
     def need(self, *names: str) -> list[Tensor]:
         """The named tables as tensors.
