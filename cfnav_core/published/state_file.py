@@ -1,0 +1,71 @@
+"""Published HDF5 files: one dataset per state at the root, named by the state's key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfnav_core.published.graph import Keys
+from cfnav_core.published.keys import Key
+from cfnav_core.scene import SceneError
+
+
+class StateFile:
+    """An open file, read state by state.
+
+    Attributes:
+        names: key to dataset name.
+        bad: dataset names that are no usable keys, with why.
+
+    Raises:
+        SceneError: it is missing, truncated or no HDF5.
+        ModuleNotFoundError: h5py is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import h5py  # belongs to training: a robot has none
+
+        self.path = path
+        try:
+            self._file = h5py.File(path, "r")
+            texts = list(self._file)
+        except (OSError, RuntimeError) as error:
+            raise SceneError(
+                f"found no readable {path} ({error}); download or unpack it again"
+            ) from error
+        keys = Keys()
+        # sorted, -0.00 comes before 0.00, which wins where a file has both
+        read = {text: keys.read(text) for text in sorted(texts)}
+        self.names = {key: text for text, key in read.items() if key is not None}
+        self.bad = keys.bad
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def shape(self, key: Key) -> tuple[int, ...]:
+        """Shape of a state's numbers, which are not read."""
+        return tuple(self._dataset(key).shape)
+
+    def read(self, key: Key) -> np.ndarray:
+        """Numbers of a state.
+
+        Raises:
+            SceneError: they are damaged.
+        """
+        dataset = self._dataset(key)
+        try:
+            return np.asarray(dataset[()])
+        except (OSError, RuntimeError) as error:
+            raise SceneError(f"found unreadable numbers ({error}); download them again") from error
+
+    def _dataset(self, key: Key) -> Any:
+        try:
+            dataset = self._file[self.names[key]]
+        except (OSError, RuntimeError, KeyError) as error:
+            raise SceneError(f"found unreadable numbers ({error}); download them again") from error
+        if not hasattr(dataset, "shape"):
+            raise SceneError("found an HDF5 group, expected a dataset; download the file again")
+        return dataset

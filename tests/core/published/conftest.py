@@ -1,0 +1,32 @@
+"""One root of each published layout, written once; tests that damage one copy a scene of it."""
+
+import pytest
+
+from . import drawn
+
+
+@pytest.fixture(scope="session")
+def data1(tmp_path_factory):
+    root = tmp_path_factory.mktemp("data1") / "Scene_Data"
+    drawn.write_data1(root / "FloorPlan1")
+    drawn.write_data1(
+        root / "FloorPlan422", "det_feature_60_categories.hdf5", drawn.SIXTY,
+        edges="edges", minus_zero=True,
+    )  # fmt: skip
+    return root
+
+
+@pytest.fixture(scope="session")
+def data2(tmp_path_factory):
+    root = tmp_path_factory.mktemp("data2") / "data/thor_v1_offline_data"
+    drawn.write_data2(root / "FloorPlan219", by_state=True)
+    drawn.write_data2(root / "FloorPlan230")
+    return root
+
+
+@pytest.fixture(scope="session")
+def savn(tmp_path_factory):
+    root = tmp_path_factory.mktemp("savn") / "thor_offline_data"
+    drawn.write_savn(root / "FloorPlan2_physics")
+    drawn.write_savn(root / "FloorPlan402")
+    return root
