@@ -2,10 +2,35 @@
 
 from collections.abc import Callable
 
-from cfnav_core.models.base import NavModel
-from cfnav_core.models.baseline import Baseline
+from cfnav_core.models.akgvp import AKGVP
+from cfnav_core.models.base import (
+    PUBLISHED,
+    Inputs,
+    Knowledge,
+    ModelSize,
+    NavModel,
+    Seen,
+    State,
+)
+from cfnav_core.models.baseline import BaselineLabel, BaselineWord
+from cfnav_core.models.compact import Compact
+from cfnav_core.models.hoz import HOZ
+from cfnav_core.models.lstde import LSTDE
+from cfnav_core.models.mjolnir import MjolnirR
+from cfnav_core.models.tdanet import TDANet
 
-MODELS: dict[str, Callable[[int], NavModel]] = {"baseline": Baseline}
-"""Name to constructor, which takes the LSTM width."""
+MODELS: dict[str, Callable[[Inputs, ModelSize, Knowledge], NavModel]] = {
+    "compact": Compact,
+    "baseline_label": BaselineLabel,
+    "baseline_word": BaselineWord,
+    "hoz": HOZ,
+    "lstde": LSTDE,
+    "akgvp": AKGVP,
+    "mjolnir": MjolnirR,
+    "tdanet": TDANet,
+}
+"""Name to constructor, which takes data shapes, widths and tables of knowledge."""
 
-__all__ = ["MODELS", "NavModel"]
+__all__ = [
+    "MODELS", "PUBLISHED", "Inputs", "Knowledge", "ModelSize", "NavModel", "Seen", "State",
+]  # fmt: skip

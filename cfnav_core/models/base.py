@@ -128,8 +128,11 @@ class NavModel(nn.Module):
     state_shapes: Mapping[str, tuple[int, ...]]
 
     def zero_state(self, batch: int) -> State:
-        """At the start of ``batch`` episodes."""
-        return {k: torch.zeros(batch, *shape) for k, shape in self.state_shapes.items()}
+        """At the start of ``batch`` episodes, on the device of the weights."""
+        device = next(self.parameters()).device
+        return {
+            k: torch.zeros(batch, *shape, device=device) for k, shape in self.state_shapes.items()
+        }
 
     def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
         """One step.
@@ -140,9 +143,7 @@ class NavModel(nn.Module):
         raise NotImplementedError
 
 
-def lstm_step(
-    cell: nn.LSTMCell, x: Tensor, h: Tensor, c: Tensor
-) -> tuple[Tensor, Tensor]:
+def lstm_step(cell: nn.LSTMCell, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
     """One step of an LSTM cell written out, so that it exports to ONNX as plain operators."""
     gates = F.linear(x, cell.weight_ih, cell.bias_ih) + F.linear(h, cell.weight_hh, cell.bias_hh)
     i, f, g, o = gates.chunk(4, 1)

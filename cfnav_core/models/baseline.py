@@ -1,37 +1,99 @@
-"""Baseline: image features beside the class label of the goal. Source: Section V-B of the paper."""
+"""Baseline: picture features beside the goal's word vector or class label.
+
+Source: Section V-B of the paper ("the word embedding or class label of the target"); the layers
+are those of its lineage, SAVN (words) and HOZ's plain agent (labels).
+"""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.models.base import NavModel
-from cfnav_core.perception import DETECTION_FIELDS, FEATURES
-from cfnav_core.vocabulary import CATEGORIES
-
-C, D = len(CATEGORIES), len(DETECTION_FIELDS)
+from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.models.heads import ActionEmbedding, ActorCritic, initialise
+from cfnav_core.models.picture import Fusion, Picture
+from cfnav_core.models.reading import table
 
 
-class Baseline(NavModel):
-    """The class-label variant with detections, over the built-in perception's compact features.
+class WordFusion(nn.Module):
+    """Picture, the goal's word vector and the previous action, fused over the picture's map.
 
     Args:
-        hidden: LSTM width; the published network has 512.
+        inputs: shape of the picture features.
+        size: widths.
+        word: width W of the word vectors.
+
+    Attributes:
+        width: length of the vector that comes out.
     """
 
-    def __init__(self, hidden: int = 256) -> None:
-        super().__init__(encoded=256 + 64 + 10, hidden=hidden)
-        self.picture = nn.Sequential(nn.Linear(FEATURES + C * D, 256), nn.ReLU())
-        self.goal = nn.Linear(C, 32, bias=False)
-        self.target = nn.Sequential(nn.Linear(32 + D, 64), nn.ReLU())
-        self.action = nn.Sequential(nn.Linear(NUM_ACTIONS, 10), nn.ReLU())
+    def __init__(self, inputs: Inputs, size: ModelSize, word: int) -> None:
+        super().__init__()
+        k = size.channels
+        self.picture = Picture(inputs.features, k)
+        self.word = nn.Sequential(nn.Linear(word, k), nn.ReLU())
+        self.action = ActionEmbedding()
+        parts = (k, k, self.action.width)
+        self.fusion = Fusion(parts, k, self.picture.side, size.dropout)
+        self.width = self.fusion.width
 
-    def encode(
-        self, features: Tensor, detections: Tensor, goal: Tensor, previous_action: Tensor
-    ) -> Tensor:
-        """See ``NavModel.encode``."""
-        picture = self.picture(torch.cat([features, detections.flatten(1)], 1))
-        own = (detections * goal[:, :, None]).sum(1)
-        target = self.target(torch.cat([self.goal(goal), own], 1))
-        return torch.cat([picture, target, self.action(previous_action)], 1)
+    def forward(self, seen: Seen, word: Tensor) -> Tensor:
+        """What is seen, with the goal's word vector [B, W], to float32 [B, width]."""
+        picture = self.picture(seen.features)
+        return self.fusion(picture, self.word(word), self.action(seen.previous_action))
+
+
+class BaselineWord(NavModel):
+    """Baseline with the goal as a word vector and no detections, for Offline Data 2.
+
+    Args:
+        inputs: of any shape; detections are not read.
+        size: widths.
+        knowledge: needs words.
+    """
+
+    words: Tensor
+
+    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+        super().__init__()
+        words = table(knowledge, "words", len(inputs.objects), None)
+        self.register_buffer("words", words, persistent=False)
+        self.encoder = WordFusion(inputs, size, words.shape[1])
+        self.policy = ActorCritic(self.encoder.width, size.hidden, layers=1)
+        self.state_shapes = self.policy.state_shapes
+        initialise(self)
+
+    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+        """See ``NavModel.forward``."""
+        x = self.encoder(seen, seen.goal @ self.words)
+        return self.policy(x, seen.collision_probability, state)
+
+
+class BaselineLabel(NavModel):
+    """Baseline with the goal as a mark beside its row of the detections, for Offline Data 1.
+
+    Args:
+        inputs: of any shape.
+        size: widths.
+        knowledge: nothing of it is needed.
+    """
+
+    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+        super().__init__()
+        objects, k = len(inputs.objects), size.channels
+        self.picture = Picture(inputs.features, k)
+        self.side = self.picture.side
+        self.detection = nn.Sequential(nn.Linear(inputs.detections + 1, self.side**2), nn.ReLU())
+        self.action = ActionEmbedding()
+        parts = (k, objects, self.action.width)
+        self.fusion = Fusion(parts, k, self.side, size.dropout)
+        self.policy = ActorCritic(self.fusion.width, size.hidden, layers=2)
+        self.state_shapes = self.policy.state_shapes
+        initialise(self)
+
+    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+        """See ``NavModel.forward``."""
+        rows = torch.cat([seen.detections, seen.goal[:, :, None]], 2)
+        objects = self.detection(rows).unflatten(2, (self.side, self.side))
+        x = self.fusion(self.picture(seen.features), objects, self.action(seen.previous_action))
+        return self.policy(x, seen.collision_probability, state)

@@ -1,0 +1,95 @@
+"""MJOLNIR-r: Baseline with words, and a graph network over all objects of the vocabulary.
+
+Source: Pal, Qiu, Christensen, Learning Hierarchical Relationships for Object-Goal Navigation
+(2021), as in its public code.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.models.baseline import WordFusion
+from cfnav_core.models.graphs import normalised
+from cfnav_core.models.heads import ActorCritic, initialise
+from cfnav_core.models.reading import columns_of, similarities, table
+
+
+class ObjectGraph(nn.Module):
+    """Four graph layers over the objects; the adjacency is trained too.
+
+    Args:
+        adjacency: float32 [C, C], normalised.
+        words: float32 [C, W].
+        context: width K + 1 of an object's context with its similarity to the goal.
+        width: of the vector that comes out.
+    """
+
+    words: Tensor
+
+    def __init__(self, adjacency: Tensor, words: Tensor, context: int, width: int) -> None:
+        super().__init__()
+        objects, node = len(words), len(words) + words.shape[1]
+        self.adjacency = nn.Parameter(adjacency.clone())
+        self.register_buffer("words", words, persistent=False)
+        self.first = nn.Linear(node, node, bias=False)
+        self.second = nn.Linear(node, node, bias=False)
+        self.third = nn.Linear(node, context, bias=False)
+        self.last = nn.Linear(2 * context, 1, bias=False)
+        self.out = nn.Linear(objects, width)
+
+    def forward(self, context: Tensor) -> Tensor:
+        """Encode.
+
+        Args:
+            context: float32 [B, C, K + 1]; column 0 says whether the object is there.
+
+        Returns:
+            Float32 [B, width].
+        """
+        # A node's input is what is there, the same for all, beside its own word; multiplied apart,
+        # and weights before adjacency, as that is half the work.
+        presence, word = self.first.weight.split(list(self.words.shape), 1)
+        x = F.linear(context[:, :, 0], presence)[:, None] + F.linear(self.words, word)
+        x = torch.relu(self.adjacency @ x)
+        x = torch.relu(self.adjacency @ self.second(x))
+        x = torch.relu(self.adjacency @ self.third(x))
+        x = torch.relu(self.adjacency @ self.last(torch.cat([x, context], 2)))
+        return self.out(x[:, :, 0])
+
+
+class MjolnirR(NavModel):
+    """MJOLNIR-r.
+
+    Args:
+        inputs: detections of a known table.
+        size: widths; ``hidden`` is also that of the graph's vector.
+        knowledge: needs words and adjacency.
+    """
+
+    words: Tensor
+    similarity: Tensor
+
+    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+        super().__init__()
+        objects = len(inputs.objects)
+        self.columns = columns_of(inputs.detections)
+        _, _, context = self.columns.widths
+        words = table(knowledge, "words", objects, None)
+        adjacency = table(knowledge, "adjacency", objects, objects)
+        self.register_buffer("words", words, persistent=False)
+        self.register_buffer("similarity", similarities(words), persistent=False)
+        self.encoder = WordFusion(inputs, size, words.shape[1])
+        self.graph = ObjectGraph(normalised(adjacency), words, context + 1, size.hidden)
+        self.policy = ActorCritic(self.encoder.width + size.hidden, size.hidden, layers=1)
+        self.state_shapes = self.policy.state_shapes
+        initialise(self, self.graph)
+
+    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+        """See ``NavModel.forward``."""
+        similarity = (seen.goal @ self.similarity)[:, :, None]
+        context = torch.cat([self.columns.read(seen.detections).context, similarity], 2)
+        x = torch.cat([self.encoder(seen, seen.goal @ self.words), self.graph(context)], 1)
+        return self.policy(x, seen.collision_probability, state)

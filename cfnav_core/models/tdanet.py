@@ -1,0 +1,103 @@
+"""TDANet-style: attention to the objects that say most about the goal, before and at the goal.
+
+The article (Lian, Zhang, TDANet: Target-Directed Attention Network, 2024) has no public code, and
+its sizes are unknown. This is a network of its two ideas: attention over objects by words and by
+place, and one encoder for the present view and for the view at the goal (Siamese). It reads no
+picture features. Nothing is indexed by class but through words, so that it takes goals and objects
+it was not trained with.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.models.heads import ActionEmbedding, ActorCritic, initialise
+from cfnav_core.models.reading import columns_of, similarities, table
+
+KEY, VALUE = 64, 128
+
+
+class TargetAttention(nn.Module):
+    """A view as one vector: objects weighted by what they say about the goal, and the goal's own.
+
+    Args:
+        word: width W of the word vectors.
+        context: width K.
+
+    Attributes:
+        width: of the vector that comes out.
+    """
+
+    def __init__(self, word: int, context: int) -> None:
+        super().__init__()
+        self.query = nn.Linear(word, KEY)
+        self.key = nn.Linear(word, KEY)
+        self.place = nn.Sequential(nn.Linear(2 * context, KEY), nn.ReLU(), nn.Linear(KEY, 1))
+        self.value = nn.Sequential(
+            nn.Linear(context + 1, VALUE), nn.ReLU(), nn.Linear(VALUE, VALUE), nn.ReLU()
+        )
+        self.width = VALUE + context
+
+    def forward(
+        self, context: Tensor, there: Tensor, goal: Tensor, words: Tensor, similarity: Tensor
+    ) -> Tensor:
+        """Encode a view.
+
+        Args:
+            context: float32 [B, C, K].
+            there: float32 [B, C], 0 or 1: which objects can be attended to.
+            goal: float32 [B, C], one-hot.
+            words: float32 [C, W].
+            similarity: float32 [B, C], of words to the goal's.
+
+        Returns:
+            Float32 [B, width]; without any object its first part is zero.
+        """
+        own = (context * goal[:, :, None]).sum(1)
+        semantic = self.query(goal @ words) @ self.key(words).T / KEY**0.5
+        pair = torch.cat([context, own[:, None].expand_as(context)], 2)
+        score = (semantic + self.place(pair)[:, :, 0]).masked_fill(there == 0, -1e9)
+        weight = torch.softmax(score, 1) * there
+        value = self.value(torch.cat([context, similarity[:, :, None]], 2))
+        return torch.cat([(weight[:, :, None] * value).sum(1), own], 1)
+
+
+class TDANet(NavModel):
+    """A network in the manner of TDANet, see the module.
+
+    Args:
+        inputs: detections of a known table.
+        size: widths; there are no maps, so ``channels`` and ``dropout`` mean nothing here.
+        knowledge: needs words.
+    """
+
+    words: Tensor
+    similarity: Tensor
+    found: Tensor
+
+    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+        super().__init__()
+        self.columns = columns_of(inputs.detections)
+        _, _, context = self.columns.widths
+        words = table(knowledge, "words", len(inputs.objects), None)
+        self.register_buffer("words", words, persistent=False)
+        self.register_buffer("similarity", similarities(words), persistent=False)
+        found = torch.tensor(self.columns.found)
+        self.register_buffer("found", found, persistent=False)
+        self.encoder = TargetAttention(words.shape[1], context)
+        self.action = ActionEmbedding()
+        width = 3 * self.encoder.width + self.action.width
+        self.policy = ActorCritic(width, size.hidden, layers=1)
+        self.state_shapes = self.policy.state_shapes
+        initialise(self)
+
+    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+        """See ``NavModel.forward``."""
+        goal, similarity = seen.goal, seen.goal @ self.similarity
+        rows = self.columns.read(seen.detections)
+        now = self.encoder(rows.context, rows.detected, goal, self.words, similarity)
+        at_goal = self.encoder(goal[:, :, None] * self.found, goal, goal, self.words, similarity)
+        x = torch.cat([now, at_goal, now - at_goal, self.action(seen.previous_action)], 1)
+        return self.policy(x, seen.collision_probability, state)
