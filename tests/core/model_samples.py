@@ -1,0 +1,66 @@
+"""Random knowledge and random views for the tests of the models."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch.nn.functional import one_hot
+
+from cfnav_core.actions import NUM_ACTIONS
+from cfnav_core.models import Inputs, Knowledge, ModelSize, Seen
+from cfnav_core.models.reading import COLUMNS
+from cfnav_core.vocabulary import CATEGORIES, DATA1_TARGETS, ROOM_TYPES
+
+ROOMS = len(ROOM_TYPES)
+SMALL = ModelSize(hidden=16, channels=4)
+BUILT_IN = Inputs((256,), 5, CATEGORIES)
+DATA1 = Inputs((512, 7, 7), 517, DATA1_TARGETS)
+DATA1_CLIP = Inputs((2048, 7, 7), 517, DATA1_TARGETS)
+DATA2 = Inputs((512, 7, 7), 4, tuple(f"Object{i}" for i in range(101)))
+
+
+def knowledge(objects: int, word: int = 12, text: int = 10, zones: int = 8) -> Knowledge:
+    """All tables for so many objects, the same at every call."""
+    rng = np.random.default_rng(1)
+
+    def table(*shape: int) -> np.ndarray:
+        return rng.random(shape).astype(np.float32)
+
+    edges, layout = (
+        0.05 + 0.1 * table(ROOMS, zones, zones),
+        np.ceil(99 * table(ROOMS, objects, objects)),
+    )
+    for room in range(ROOMS):
+        np.fill_diagonal(edges[room], 1)
+        np.fill_diagonal(layout[room], 0)
+    return Knowledge(
+        words=table(objects, word) - 0.5, text=table(objects, text) - 0.5,
+        zones=table(ROOMS, zones, objects), zone_edges=edges, layout=layout,
+        adjacency=(table(objects, objects) > 0.7).astype(np.float32),
+    )  # fmt: skip
+
+
+def views(inputs: Inputs, batch: int, seed: int = 0) -> Seen:
+    """Random views; about half of the objects are seen."""
+    g = torch.Generator().manual_seed(seed)
+    objects, columns = len(inputs.objects), COLUMNS[inputs.detections]
+    detections = torch.rand(batch, objects, inputs.detections, generator=g)
+    there = torch.rand(batch, objects, 1, generator=g) > 0.5
+    detections = torch.where(there, detections, 0)
+    detections[:, :, columns.confidence] = there[:, :, 0] * (
+        0.6 + 0.4 * detections[:, :, columns.confidence]
+    )
+
+    def pick(n: int) -> torch.Tensor:
+        return one_hot(torch.randint(n, (batch,), generator=g), n).float()
+
+    return Seen(
+        torch.rand(batch, *inputs.features, generator=g), detections, pick(objects), pick(ROOMS),
+        torch.softmax(torch.randn(batch, NUM_ACTIONS, generator=g), 1),
+        torch.rand(batch, 1, generator=g),
+    )  # fmt: skip
+
+
+def rows_of(seen: Seen, which: slice) -> Seen:
+    """Some of the episodes."""
+    return Seen(*(value[which] for value in vars(seen).values()))
