@@ -1,0 +1,1 @@
+"""What models know before they train: made once from training scenes, kept in one file."""
