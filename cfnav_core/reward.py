@@ -24,8 +24,6 @@ MOVE_REWARD = 0.01
 APPROACH_REWARD = 0.1
 """Of L-sTDE and AKGVP, per metre nearer in a straight line."""
 SIMILARITY_REWARD = 0.1
-PATH_REWARD = 0.01
-"""lambda of Xiao et al., per metre of the shortest path."""
 
 
 @dataclass(frozen=True)
@@ -211,14 +209,14 @@ REWARDS: dict[str, Reward] = {
 
 
 def path_shaping(step: StepFacts) -> Tensor:
-    """0.01 for each metre that the shortest path got shorter, and as much lost for longer.
+    """Metres by which the shortest path got shorter, negative for longer; r_s before its weight.
 
     Returns:
         float32 [B].
 
-    Source: Xiao et al. (2024), r_s, as the paper compares with it.
+    Source: Xiao et al. (2024), as the paper compares with it: lambda = 0.01.
     """
-    return PATH_REWARD * _nearer(step.path_before, step.path)
+    return _nearer(step.path_before, step.path)
 
 
 def _nearer(before: Tensor, after: Tensor) -> Tensor:

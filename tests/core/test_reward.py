@@ -123,6 +123,7 @@ def test_similarity_rewards_a_new_best():
     assert rewards("similarity", *steps) == pytest.approx(expected)
     # Done counts what is in view afresh
     assert rewards("similarity", step(sees=(MUG,)), step(**SUCCESS)) == pytest.approx([0.1, 5.1])
+    assert rewards("similarity", step(Action.Done, sees=(SINK,))) == pytest.approx([-0.01])
 
 
 @pytest.mark.parametrize("name", REWARDS)
@@ -158,9 +159,9 @@ def test_missing_tables_are_named_before_a_run(name, table):
         RewardTables.of(name, Knowledge())
 
 
-def test_path_shaping_is_signed():
-    assert path_shaping(step(path=(3.0, 2.75))).item() == pytest.approx(0.0025)
-    assert path_shaping(step(path=(2.75, 3.0))).item() == pytest.approx(-0.0025)
+def test_path_shaping_is_signed_metres():
+    assert path_shaping(step(path=(3.0, 2.75))).item() == 0.25
+    assert path_shaping(step(path=(2.75, 3.0))).item() == -0.25
     assert path_shaping(step(path=(2.0, math.inf))).item() == 0
 
 
