@@ -13,47 +13,56 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from cfnav_core.actions import NUM_ACTIONS, Action
-from cfnav_core.collision_predictor import CollisionPredictor, collision_loss
+from cfnav_core.agent import Agent
+from cfnav_core.collision_predictor import collision_loss
 from cfnav_core.config import Hyperparameters
 from cfnav_core.env import ObjectNavEnv
 from cfnav_core.methods import Stage
-from cfnav_core.models import NavModel
-from cfnav_core.reward import nav_reward, total_reward
-from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.models import Seen, State
+from cfnav_core.reward import RewardMemory, path_shaping, total_reward
 
 
 @dataclass
 class Memory:
-    """What an episode carries from step to step, all float32.
+    """What B episodes carry from step to step, all float32.
 
     Attributes:
-        h, c: [B, H] of the policy. predictor: [B, 4, H'].
+        policy: see ``NavModel.state_shapes``. predictor: [B, 4, H'].
         previous_action: [B, 6] one-hot, zeros at the start of an episode.
+        reward: see ``RewardMemory``.
     """
 
-    h: Tensor
-    c: Tensor
+    policy: State
     predictor: Tensor
     previous_action: Tensor
+    reward: RewardMemory
 
     @classmethod
-    def zeros(cls, batch: int, model: NavModel, predictor: CollisionPredictor) -> Memory:
+    def zeros(cls, env: ObjectNavEnv, agent: Agent) -> Memory:
         """At the start of B episodes."""
         return cls(
-            torch.zeros(batch, model.hidden), torch.zeros(batch, model.hidden),
-            torch.zeros(batch, 4, predictor.hidden), torch.zeros(batch, NUM_ACTIONS),
-        )  # fmt: skip
+            agent.model.zero_state(env.batch),
+            torch.zeros(env.batch, *agent.predictor.state_shape),
+            torch.zeros(env.batch, NUM_ACTIONS),
+            RewardMemory.start(env.batch, len(env.bank.objects)),
+        )
 
     def detach(self) -> None:
         """Cut the gradient at a rollout's border."""
-        self.h, self.c, self.predictor = self.h.detach(), self.c.detach(), self.predictor.detach()
+        self.policy = {k: v.detach() for k, v in self.policy.items()}
+        self.predictor = self.predictor.detach()
 
     def forget(self, ended: Tensor) -> None:
         """Zero the rows of episodes that ended (bool [B])."""
-        keep = (~ended).float()[:, None]
-        self.h, self.c = self.h * keep, self.c * keep
-        self.predictor = self.predictor * keep[:, :, None]
-        self.previous_action = self.previous_action * keep
+        self.policy = {k: _kept(v, ended) for k, v in self.policy.items()}
+        self.predictor = _kept(self.predictor, ended)
+        self.previous_action = _kept(self.previous_action, ended)
+        self.reward = self.reward.forget(ended)
+
+
+def _kept(rows: Tensor, ended: Tensor) -> Tensor:
+    """The rows, zero where an episode ended; never 0 * inf."""
+    return rows.masked_fill(ended.view(-1, *[1] * (rows.dim() - 1)), 0.0)
 
 
 @dataclass
@@ -77,33 +86,37 @@ class Rollout:
 
 
 def collect_rollout(
-    env: ObjectNavEnv, model: NavModel, predictor: CollisionPredictor, memory: Memory,
-    stage: Stage, length: int, generator: torch.Generator,
+    env: ObjectNavEnv, agent: Agent, memory: Memory, stage: Stage, length: int,
+    generator: torch.Generator,
 ) -> Rollout:  # fmt: skip
     """The inner loop of Algorithm 1: act for ``length`` steps in every episode."""
     r = Rollout([], [], [], [], [], [], [], [], [], torch.empty(0), 0, 0, 0, 0)
     for _ in range(length):
         features, detections = env.observe()  # Alg. 1: acquire image I_t
-        goal = F.one_hot(env.goal, len(CATEGORIES)).float()
         p_hat = torch.zeros(env.batch, 1)
         if stage.train_predictor or stage.feed_prediction:  # Alg. 1: predict collision p_hat_t
             with torch.set_grad_enabled(stage.train_predictor):
-                logit, memory.predictor = predictor(
+                logit, memory.predictor = agent.predictor(
                     features, memory.previous_action, memory.predictor
                 )
             r.collision_logit.append(logit[:, 0])
             if stage.feed_prediction:  # Alg. 1: O_t <- (I_t, g, p_hat_t), else (I_t, g, 0)
                 p_hat = torch.sigmoid(logit).detach()
-        logits, value, memory.h, memory.c = model(
-            features, detections, goal, memory.previous_action, p_hat, memory.h, memory.c
+        seen = Seen(
+            features, detections, env.goal_one_hot, env.room_one_hot, memory.previous_action, p_hat
         )
+        logits, value, memory.policy = agent.model(seen, memory.policy)
         log_pi = torch.log_softmax(logits, 1)
         pi = log_pi.exp()
         action = torch.multinomial(pi.detach(), 1, generator=generator)  # Alg. 1: execute a_t
+        before = env.state
         outcome = env.step(action[:, 0])  # Alg. 1: observe p_t and r_t (Eq. 4)
-        reward = total_reward(
-            nav_reward(outcome.success), outcome.collided, stage.collision_penalty
-        )
+        shaping = stage.distance_shaping
+        facts = env.facts(before, action[:, 0], outcome.success, paths=shaping != 0)
+        r_o, memory.reward = agent.reward(facts, memory.reward, agent.tables)
+        reward = total_reward(r_o, outcome.collided, stage.collision_penalty)
+        if shaping:
+            reward = reward + shaping * path_shaping(facts)
         memory.previous_action = F.one_hot(action[:, 0], NUM_ACTIONS).float()
         ended = outcome.terminated | outcome.truncated
         r.log_probability.append(log_pi.gather(1, action)[:, 0])
@@ -111,7 +124,7 @@ def collect_rollout(
         r.value.append(value[:, 0])
         r.reward.append(reward)
         r.ended.append(ended)
-        r.next_value_if_cut.append(_value_where(outcome.truncated, env, model, memory, p_hat))
+        r.next_value_if_cut.append(_value_where(outcome.truncated, env, agent, memory, p_hat))
         r.collided.append(outcome.collided)
         r.moved_ahead.append(action[:, 0] == Action.MoveAhead)
         r.episodes += int(ended.sum())
@@ -121,13 +134,13 @@ def collect_rollout(
         env.restart(ended)
         memory.forget(ended)
     everywhere = torch.ones(env.batch, dtype=torch.bool)
-    r.bootstrap = _value_where(everywhere, env, model, memory, p_hat)
+    r.bootstrap = _value_where(everywhere, env, agent, memory, p_hat)
     return r
 
 
 @torch.no_grad()
 def _value_where(
-    where: Tensor, env: ObjectNavEnv, model: NavModel, memory: Memory, p_hat: Tensor
+    where: Tensor, env: ObjectNavEnv, agent: Agent, memory: Memory, p_hat: Tensor
 ) -> Tensor:
     """V of the present states where asked for (bool [B]), 0 elsewhere; advances no memory.
 
@@ -135,13 +148,12 @@ def _value_where(
     """
     out = torch.zeros(env.batch)
     if where.any():
-        features, detections = env.observe()
-        goal = F.one_hot(env.goal, len(CATEGORIES)).float()
-        value = model(
-            features[where], detections[where], goal[where], memory.previous_action[where],
-            p_hat[where], memory.h[where], memory.c[where],
-        )[1]  # fmt: skip
-        out[where] = value[:, 0]
+        features, detections = env.bank.observe(env.state[where])
+        seen = Seen(
+            features, detections, env.goal_one_hot[where], env.room_one_hot[where],
+            memory.previous_action[where], p_hat[where],
+        )  # fmt: skip
+        out[where] = agent.model(seen, {k: v[where] for k, v in memory.policy.items()})[1][:, 0]
     return out
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-SCHEMA = 1
+SCHEMA = 2
 NETWORKS = ("perception.onnx", "policy.onnx", "predictor.onnx")
 
 
@@ -32,8 +32,8 @@ class BundleHead:
         name: of the bundle.
         method: row of ``methods.METHODS`` it was trained with.
         feeds_prediction: whether the policy reads p_hat; it gets zero otherwise.
-        goals: categories it was trained to find.
-        hidden: LSTM width of the policy and of the predictor.
+        objects: what its perception looks for, in the order of its detections.
+        goals: those of them that it was trained to find.
         files: SHA-256 of each network file.
         training: command, configuration, seed and commit it was made with.
         metrics: measured figures (see the model card); empty when none were measured.
@@ -42,8 +42,8 @@ class BundleHead:
     name: str
     method: str
     feeds_prediction: bool
+    objects: tuple[str, ...]
     goals: tuple[str, ...]
-    hidden: tuple[int, int]
     files: dict[str, str]
     training: dict[str, Any]
     metrics: dict[str, Any]
@@ -64,7 +64,7 @@ class BundleHead:
         try:
             raw = json.loads((folder / "bundle.json").read_text())
             schema = raw.pop("schema")
-            head = cls(**{**raw, "goals": tuple(raw["goals"]), "hidden": tuple(raw["hidden"])})
+            head = cls(**{**raw, **{key: tuple(raw[key]) for key in ("objects", "goals")}})
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
             raise BundleError(
                 f"found no readable bundle in {folder} ({error}); {remedy}"

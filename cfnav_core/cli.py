@@ -13,6 +13,7 @@ import tyro
 
 from cfnav_core.bundle import BundleHead, shipped_bundle
 from cfnav_core.config import Rooms, TrainOptions
+from cfnav_core.data_cli import Data
 from cfnav_core.evaluate import evaluate_bundle, paired_difference, write_json
 from cfnav_core.rooms import parse_rooms
 
@@ -131,6 +132,7 @@ Command = (
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Info, tyro.conf.subcommand("info")]
+    | Annotated[Data, tyro.conf.subcommand("data", description="Data sets: look, check, convert.")]
 )
 
 

@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
 from cfnav_core.models.base import lstm_step
-from cfnav_core.perception import FEATURES
+
+COMPACT_WIDTH = 128
+MAP_CHANNELS = 64
 
 
 class CollisionPredictor(nn.Module):
     """The collision prediction module. Source: Section IV-B.
 
     Args:
+        features: shape of the picture features: (F,) or (F, n, n).
         hidden: width H' of both LSTM layers; the paper has 512.
+        picture: encoder of another network to read instead of one of its own (Wu et al.), float32
+            [B, *features] to [B, ...].
+
+    Attributes:
+        state_shape: of what it remembers, (4, H'): h and c of both layers.
     """
 
-    def __init__(self, hidden: int = 128) -> None:
+    def __init__(
+        self, features: Sequence[int], hidden: int = 128, picture: nn.Module | None = None
+    ) -> None:
         super().__init__()
-        self.hidden = hidden
-        self.picture = nn.Sequential(nn.Linear(FEATURES, 128), nn.ReLU())
+        self.state_shape = (4, hidden)
+        self.picture = picture or _encoder(features)
+        with torch.no_grad():
+            width = self.picture(torch.zeros(1, *features)).numel()
         self.action = nn.Sequential(nn.Linear(NUM_ACTIONS, 10), nn.ReLU())
-        self.lower = nn.LSTMCell(138, hidden)
+        self.lower = nn.LSTMCell(width + 10, hidden)
         self.upper = nn.LSTMCell(hidden, hidden)
         self.head = nn.Linear(hidden, 1)
 
@@ -33,17 +47,25 @@ class CollisionPredictor(nn.Module):
         """One step.
 
         Args:
-            features: float32 [B, F].
+            features: float32 [B, *features].
             previous_action: float32 [B, 6], zeros at the start.
-            state: float32 [B, 4, H'], h and c of both layers.
+            state: float32 [B, 4, H'], zeros at the start.
 
         Returns:
             Logit of p_hat [B, 1] and the next state [B, 4, H'].
         """
-        x = torch.cat([self.picture(features), self.action(previous_action)], 1)
-        h1, c1 = lstm_step(self.lower, x, (state[:, 0], state[:, 1]))
-        h2, c2 = lstm_step(self.upper, h1, (state[:, 2], state[:, 3]))
+        picture = self.picture(features).flatten(1)
+        x = torch.cat([picture, self.action(previous_action)], 1)
+        h1, c1 = lstm_step(self.lower, x, state[:, 0], state[:, 1])
+        h2, c2 = lstm_step(self.upper, h1, state[:, 2], state[:, 3])
         return self.head(h2), torch.stack([h1, c1, h2, c2], 1)
+
+
+def _encoder(features: Sequence[int]) -> nn.Module:
+    """A vector is mixed by one layer; a map at each of its places, as the published networks do."""
+    if len(features) == 1:
+        return nn.Sequential(nn.Linear(features[0], COMPACT_WIDTH), nn.ReLU())
+    return nn.Sequential(nn.Conv2d(features[0], MAP_CHANNELS, 1), nn.ReLU())
 
 
 def collision_loss(logit: Tensor, collided: Tensor, moved_ahead: Tensor) -> Tensor:

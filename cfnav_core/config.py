@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -39,12 +39,14 @@ class Hyperparameters:
 
 @dataclass(frozen=True)
 class ModelSize:
-    """Widths of the compact networks."""
+    """Widths of a network; the defaults are those of the compact networks."""
 
     hidden: int = 256
     """LSTM width of the policy; the published networks have 512."""
-    predictor_hidden: int = 128
-    """LSTM width of the collision predictor; the paper has 512."""
+    channels: int = 64
+    """Of picture and fusion maps, where a network has such."""
+    dropout: float = 0.0
+    """On picture and fusion maps; the published networks have 0.25."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,25 @@ class RunConfig:
 
     method: str = "ours"
     """Row of methods.METHODS."""
-    model: str = "baseline"
+    model: str = "compact"
     """Row of models.MODELS."""
+    reward: str | None = None
+    """Row of reward.REWARDS; the model's own when absent."""
     seed: int = 0
     """Seed of weights, episodes and actions."""
     hyperparameters: Hyperparameters = field(default_factory=Hyperparameters)
     size: ModelSize = field(default_factory=ModelSize)
+    predictor_hidden: int = 128
+    """LSTM width of the collision predictor; the paper has 512."""
+
+    @classmethod
+    def read(cls, values: dict[str, Any]) -> RunConfig:
+        """From what ``dataclasses.asdict`` made of it."""
+        nested = {
+            "hyperparameters": Hyperparameters(**values["hyperparameters"]),
+            "size": ModelSize(**values["size"]),
+        }
+        return cls(**values | nested)
 
 
 @dataclass(frozen=True)
@@ -76,6 +91,8 @@ class TrainOptions:
     stage1: Path | None = None
     """stage1.safetensors of another run of the same seed: skips stage one."""
     run: RunConfig = field(default_factory=RunConfig)
+    knowledge: Path | None = None
+    """What the model knows of the objects (cfnav data knowledge); compact needs nothing."""
     validation_every: int = 15_000
     """Episodes between validations."""
     validation_episodes: int = 600

@@ -9,20 +9,24 @@ collision. Done ends the episode, with success when the goal is visible; so does
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from cfnav_core.actions import Action
-from cfnav_core.scene import HORIZONS, OfflineScene, SceneError
-from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.models import Inputs
+from cfnav_core.reward import StepFacts
+from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.vocabulary import ROOM_TYPES
 
 STEP_LIMIT = 100
 LIVING_ROOM_STEP_LIMIT = 200
-MIN_GOAL_STATES = 4
-"""A goal seen from fewer states of a room is not asked for there."""
+IN_MEMORY_BYTES = 2 << 30
+"""Features and detections up to this size are joined in memory."""
 
 
 def step_limit(room_type: str) -> int:
@@ -31,62 +35,115 @@ def step_limit(room_type: str) -> int:
 
 
 @dataclass(frozen=True)
-class Task:
-    """One goal in one scene: ``starts`` are its level states (int64) that do not see it yet."""
+class Tasks:
+    """What can be asked for: K goals, each in one scene.
 
-    goal: int
+    Attributes:
+        scene, goal: int64 [K], row of the bank's scenes, and object.
+        first, count: int64 [K], where its possible starts lie in ``starts``.
+        starts: int64 [N], level states from which the goal can be reached but is not seen yet.
+    """
+
+    scene: np.ndarray
+    goal: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
     starts: np.ndarray
+
+
+class Blocks:
+    """Rows of equal shape in one or many arrays, read by row number.
+
+    Small arrays are joined in memory; large ones stay mapped from disk, so that what is resident
+    is bounded by the rows in use.
+
+    Args:
+        arrays: float16 [n_k, ...] each.
+    """
+
+    def __init__(self, arrays: list[np.ndarray]) -> None:
+        if sum(a.nbytes for a in arrays) <= IN_MEMORY_BYTES:
+            arrays = [np.concatenate(arrays)]
+        # what is mapped is read only, which torch would warn of
+        self._blocks = [torch.from_numpy(a) for a in arrays]
+        self._first = torch.tensor(np.cumsum([0, *(len(a) for a in arrays)])[:-1])
+
+    def __getitem__(self, rows: Tensor) -> Tensor:
+        """Float32 [..., *shape] of rows int64 [...]."""
+        if len(self._blocks) == 1:
+            return self._blocks[0][rows].float()
+        flat = rows.flatten()
+        block = torch.searchsorted(self._first, flat, right=True) - 1
+        out = torch.empty(len(flat), *self._blocks[0].shape[1:])
+        for k in block.unique().tolist():
+            at = (block == k).nonzero()[:, 0]
+            out[at] = self._blocks[k][flat[at] - self._first[k]].float()
+        return out.unflatten(0, rows.shape)
 
 
 class SceneBank:
     """Scenes joined into one table of states.
 
     Args:
-        scenes: at least one, all made with the same perception.
+        scenes: at least one, all made with the same perception for the same objects.
 
     Raises:
-        SceneError: no scenes, mixed perceptions, or no goal that can be reached.
+        SceneError: no scenes, mixed perceptions or objects, or no goal that can be reached.
     """
 
     def __init__(self, scenes: list[OfflineScene]) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
-        made_with = {s.perception for s in scenes}
+        made_with = {(s.perception, s.objects) for s in scenes}
         if len(made_with) > 1:
+            identities = sorted({p for p, _ in made_with})
             raise SceneError(
-                f"found scenes of {len(made_with)} perceptions ({', '.join(sorted(made_with))}); "
-                "make all of them with the same one"
+                f"found scenes of {len(made_with)} kinds (perceptions {', '.join(identities)}); "
+                "make all of them with the same perception for the same objects"
             )
-        self.perception = scenes[0].perception
+        self.scenes = scenes
+        self.perception, self.objects = scenes[0].perception, scenes[0].objects
         self.names = [s.name for s in scenes]
         sizes = [s.num_states for s in scenes]
-        offsets = np.cumsum([0, *sizes])
+        self.offsets = np.cumsum([0, *sizes])
         self.scene = np.repeat(np.arange(len(scenes)), sizes)
-        self.features = np.concatenate([s.features for s in scenes])
-        self.detections = np.concatenate([s.detections for s in scenes])
+        self.room = np.array([ROOM_TYPES.index(s.room_type) for s in scenes])[self.scene]
+        self.step_limit = np.array([step_limit(s.room_type) for s in scenes])[self.scene]
         self.next_state = np.concatenate(
-            [np.asarray(s.next_state, np.int64) + o for s, o in zip(scenes, offsets, strict=False)]
+            [np.asarray(s.next_state, np.int64) + o for s, o in self._with_offsets()]
         )
         self.collided = np.concatenate([s.collided for s in scenes])
         self.visible = np.concatenate([s.visible for s in scenes])
-        self.step_limit = np.repeat([step_limit(s.room_type) for s in scenes], sizes)
-        self.actions_to = np.full((offsets[-1], len(CATEGORIES)), -1, np.int16)
-        self.tasks = [
-            t for s, o in zip(scenes, offsets, strict=False) for t in self._tasks(s, int(o))
-        ]
-        if not self.tasks:
-            raise SceneError(f"found no goal that can be reached in {', '.join(self.names)}")
+        places = np.cumsum([0, *(len(s.positions) for s in scenes)])
+        self.place = torch.from_numpy(
+            np.concatenate([s.position + p for s, p in zip(scenes, places, strict=False)])
+        )
+        self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes]))
+        self.actions_to = np.full((self.offsets[-1], len(self.objects)), -1, np.int16)
+        self.tasks = self._find_tasks()
+        self._features = Blocks([s.features for s in scenes])
+        self._detections = Blocks([s.detections for s in scenes])
 
-    def _tasks(self, scene: OfflineScene, offset: int) -> list[Task]:
-        tasks = []
-        for goal in np.nonzero(scene.visible.sum(0) >= MIN_GOAL_STATES)[0]:
-            distance = scene.actions_to(int(goal))
-            self.actions_to[offset : offset + scene.num_states, goal] = distance
-            level = np.arange(scene.num_states) % HORIZONS == 0
-            starts = np.nonzero((distance >= 1) & level)[0]
-            if len(starts):
-                tasks.append(Task(int(goal), starts + offset))
-        return tasks
+    def _with_offsets(self) -> zip[tuple[OfflineScene, int]]:
+        return zip(self.scenes, self.offsets[:-1].tolist(), strict=True)
+
+    def _find_tasks(self) -> Tasks:
+        scene, goals, starts = [], [], []
+        for k, (s, offset) in enumerate(self._with_offsets()):
+            for name in s.goals:
+                goal = self.objects.index(name)
+                distance = s.actions_to(goal)
+                self.actions_to[offset : offset + s.num_states, goal] = distance
+                found = np.nonzero((distance >= 1) & (s.horizon == 0))[0]
+                if len(found):
+                    scene.append(k)
+                    goals.append(goal)
+                    starts.append(found + offset)
+        if not starts:
+            raise SceneError(f"found no goal that can be reached in {', '.join(self.names)}")
+        count = np.array([len(x) for x in starts])
+        first = np.cumsum([0, *count])[:-1]
+        return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
 
     @classmethod
     def load(cls, folder: Path, rooms: list[tuple[str, int]] | None = None) -> SceneBank:
@@ -101,11 +158,31 @@ class SceneBank:
             paths = [folder / f"{kind}_{seed:05d}" for kind, seed in rooms]
         return cls([OfflineScene.load(p) for p in paths])
 
+    @property
+    def inputs(self) -> Inputs:
+        """What these scenes offer to a model."""
+        first = self.scenes[0]
+        return Inputs(first.features.shape[1:], first.detections.shape[2], self.objects)
+
+    def observe(self, state: Tensor) -> tuple[Tensor, Tensor]:
+        """Features float32 [..., *F] and detections float32 [..., C, D] of states int64 [...]."""
+        return self._features[state], self._detections[state]
+
+    @cached_property
+    def paths(self) -> Tensor:
+        """float32 [S, C]: shortest driven way (m) from each state to see an object; inf never."""
+        out = torch.full((len(self.scene), len(self.objects)), torch.inf)
+        for k, goal in zip(self.tasks.scene, self.tasks.goal, strict=True):
+            states = slice(self.offsets[k], self.offsets[k + 1])
+            metres = self.scenes[k].metres_to(goal)[self.scenes[k].position]
+            out[states, goal] = torch.from_numpy(metres).float()
+        return out
+
     def sample(self, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Draw n episodes: start states int64 [n], goals int64 [n]; rooms and goals uniform."""
-        chosen = [self.tasks[k] for k in rng.integers(len(self.tasks), size=n)]
-        states = np.array([t.starts[rng.integers(len(t.starts))] for t in chosen])
-        return states, np.array([t.goal for t in chosen])
+        """Draw n episodes: start states int64 [n], goals int64 [n]; tasks, then starts, uniform."""
+        k = rng.integers(len(self.tasks.goal), size=n)
+        start = self.tasks.first[k] + rng.integers(self.tasks.count[k])
+        return self.tasks.starts[start], self.tasks.goal[k]
 
 
 @dataclass(frozen=True)
@@ -137,8 +214,7 @@ class ObjectNavEnv:
     def __init__(self, bank: SceneBank, batch: int, rng: np.random.Generator) -> None:
         self.bank, self.batch, self.rng = bank, batch, rng
         as_tensor = torch.from_numpy
-        self._features = as_tensor(np.ascontiguousarray(bank.features))
-        self._detections = as_tensor(np.ascontiguousarray(bank.detections))
+        self._room = as_tensor(bank.room)
         self._next, self._visible = as_tensor(bank.next_state), as_tensor(bank.visible)
         self._collided, self._limit = as_tensor(bank.collided), as_tensor(bank.step_limit)
         states, goals = bank.sample(rng, batch)
@@ -147,8 +223,18 @@ class ObjectNavEnv:
         self.collisions = torch.zeros(batch, dtype=torch.int64)
 
     def observe(self) -> tuple[Tensor, Tensor]:
-        """Features float32 [B, F] and detections float32 [B, C, 5] of the present states."""
-        return self._features[self.state].float(), self._detections[self.state].float()
+        """``SceneBank.observe`` of the present states."""
+        return self.bank.observe(self.state)
+
+    @property
+    def goal_one_hot(self) -> Tensor:
+        """float32 [B, C]."""
+        return F.one_hot(self.goal, len(self.bank.objects)).float()
+
+    @property
+    def room_one_hot(self) -> Tensor:
+        """float32 [B, 4], the room type."""
+        return F.one_hot(self._room[self.state], len(ROOM_TYPES)).float()
 
     def step(self, action: Tensor) -> StepResult:
         """Act. ``restart`` must be called with the episodes that ended before the next step.
@@ -164,6 +250,26 @@ class ObjectNavEnv:
         truncated = (self.steps >= self._limit[self.state]) & ~done
         self.state = self._next[self.state, action]
         return StepResult(success, collided, done, truncated)
+
+    def facts(
+        self, before: Tensor, action: Tensor, success: Tensor, paths: bool = False
+    ) -> StepFacts:
+        """What rewards may ask about the last step.
+
+        Args:
+            before: int64 [B], the states it began in.
+            action: int64 [B].
+            success: bool [B].
+            paths: also look up shortest paths, which takes seconds to prepare; 0 otherwise.
+        """
+        bank, goal, now = self.bank, self.goal, self.state
+        none = torch.zeros(self.batch)
+        return StepFacts(
+            action, success, goal, self._room[now],
+            bank.distance[bank.place[before], goal], bank.distance[bank.place[now], goal],
+            bank.paths[before, goal] if paths else none,
+            bank.paths[now, goal] if paths else none, self._visible[now],
+        )  # fmt: skip
 
     def restart(self, ended: Tensor) -> None:
         """Begin new episodes where ``ended`` (bool [B])."""

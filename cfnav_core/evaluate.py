@@ -9,16 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from cfnav_core import metrics
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.bundle import BundleHead
 from cfnav_core.env import SceneBank
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval
-from cfnav_core.networks import AgentState, Networks, OnnxNetworks
+from cfnav_core.networks import Networks, OnnxNetworks, Sight
 from cfnav_core.perception import Perception
 from cfnav_core.scene import SceneError
-from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.vocabulary import ROOM_TYPES
 
 LONG_EPISODE = 5
 """Fewest actions (Done included) of the "length 5 or more" subset of the lineage."""
@@ -63,8 +64,10 @@ def run_episodes(
         Results with lengths in actions, Done included.
     """
     n = len(episodes.states)
-    state = AgentState.zeros(n, networks.hidden)
-    where, goals = episodes.states.copy(), np.eye(len(CATEGORIES), dtype=np.float32)[episodes.goals]
+    state = networks.zero_state(n)
+    where = episodes.states.copy()
+    goals = np.eye(len(bank.objects), dtype=np.float32)[episodes.goals]
+    rooms = np.eye(len(ROOM_TYPES), dtype=np.float32)[bank.room[where]]
     alive, success = np.ones(n, bool), np.zeros(n, bool)
     steps, collisions = np.zeros(n, int), np.zeros(n, int)
     limit = bank.step_limit[where]
@@ -73,16 +76,15 @@ def run_episodes(
         at = where[alive]
         given = {"own": None, "zero": np.zeros(len(at), np.float32),
                  "true": bank.collided[at].astype(np.float32)}[p_hat]  # fmt: skip
-        now = _rows(state, alive)
-        pi, _ = networks.step(
-            bank.features[at].astype(np.float32), bank.detections[at].astype(np.float32),
-            goals[alive], now, given,
-        )  # fmt: skip
+        now = state.rows(alive)
+        features, detections = bank.observe(torch.from_numpy(at))
+        sight = Sight(features.numpy(), detections.numpy(), goals[alive], rooms[alive])
+        pi, _ = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:
             action = (pi.cumsum(1) < rng.random((len(pi), 1))).sum(1).clip(max=NUM_ACTIONS - 1)
         now.previous_action = np.eye(NUM_ACTIONS, dtype=np.float32)[action]
-        _put_rows(state, alive, now)
+        state.put(alive, now)
         done = action == Action.Done
         steps[alive] += 1
         collisions[alive] += (action == Action.MoveAhead) & bank.collided[at]
@@ -97,15 +99,6 @@ def run_episodes(
         EpisodeResult(bool(s), int(c), float(d), float(best))
         for s, c, d, best in zip(success, collisions, steps, shortest, strict=True)
     ]
-
-
-def _rows(state: AgentState, alive: np.ndarray) -> AgentState:
-    return AgentState(*(v[alive] for v in vars(state).values()))
-
-
-def _put_rows(state: AgentState, alive: np.ndarray, rows: AgentState) -> None:
-    for key, value in vars(rows).items():
-        getattr(state, key)[alive] = value
 
 
 def figures(results: list[EpisodeResult], rooms: np.ndarray) -> dict[str, Any]:
@@ -138,7 +131,7 @@ class Evaluation:
         rooms = self.rooms
         long = [i for i, r in enumerate(self.results) if r.shortest_path_length >= LONG_EPISODE]
         by_goal = {
-            CATEGORIES[g]: _cf_sr_of(self.results, self.episodes.goals == g)
+            self.bank.objects[g]: _cf_sr_of(self.results, self.episodes.goals == g)
             for g in np.unique(self.episodes.goals)
         }
         kinds = np.array([self.bank.names[r].split(":")[0] for r in rooms])

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
+from cfnav_core.agent import Agent, new_agent
 from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
 from cfnav_core.checkpoint import load_module, load_tensors
-from cfnav_core.collision_predictor import CollisionPredictor
+from cfnav_core.config import RunConfig
 from cfnav_core.methods import METHODS
 from cfnav_core.model_card import model_card
-from cfnav_core.models import MODELS, NavModel
-from cfnav_core.perception import DETECTION_FIELDS, FEATURES, Perception
-from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.models import Inputs, Knowledge, NavModel, Seen
+from cfnav_core.networks import SEEN
+from cfnav_core.perception import Perception
+from cfnav_core.vocabulary import ROOM_TYPES
 
 TRAINING_FIELDS = (
     "config", "commit", "episodes", "steps", "perception", "train_rooms", "validation_rooms",
@@ -42,20 +46,23 @@ def export_bundle(
             f"found perception {identity} at {perception}, but {checkpoint} was trained with "
             f"{head['perception']}; give that one"
         )
-    size = head["config"]["size"]
-    model = MODELS[head["config"]["model"]](size["hidden"])
-    predictor = CollisionPredictor(size["predictor_hidden"])
-    load_module(checkpoint, "model", model, tensors)
-    load_module(checkpoint, "predictor", predictor, tensors)
+    inputs = head["inputs"]
+    inputs = Inputs(tuple(inputs["features"]), inputs["detections"], tuple(inputs["objects"]))
+    known = {k.removeprefix("knowledge."): v for k, v in tensors.items()}
+    names = {f.name for f in fields(Knowledge)}
+    knowledge = Knowledge(**{k: v.numpy() for k, v in known.items() if k in names})
+    agent = new_agent(RunConfig.read(head["config"]), inputs, knowledge)
+    load_module(checkpoint, "model", agent.model, tensors)
+    load_module(checkpoint, "predictor", agent.predictor, tensors)
     partial = out.with_name(out.name + ".partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     shutil.copyfile(perception, partial / "perception.onnx")
-    export_networks(model, predictor, partial)
+    export_networks(agent, inputs, partial)
     method = head["config"]["method"]
     bundle = BundleHead(
-        name, method, METHODS[method].stage2.feed_prediction, tuple(head["goals"]),
-        (model.hidden, predictor.hidden), {n: file_hash(partial / n) for n in NETWORKS},
+        name, method, METHODS[method].stage2.feed_prediction, inputs.objects,
+        tuple(head["goals"]), {n: file_hash(partial / n) for n in NETWORKS},
         {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
     )  # fmt: skip
     bundle.save(partial)
@@ -65,20 +72,37 @@ def export_bundle(
     return bundle
 
 
-def export_networks(model: NavModel, predictor: CollisionPredictor, folder: Path) -> None:
+class _Flat(nn.Module):
+    """A model whose inputs and outputs have names instead of places in dataclasses."""
+
+    def __init__(self, model: NavModel) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
+        """Fields of ``Seen``, then memory; logits, value, then the next memory."""
+        seen, memory = tensors[: len(SEEN)], tensors[len(SEEN) :]
+        state = dict(zip(self.model.state_shapes, memory, strict=True))
+        logits, value, following = self.model(Seen(*seen), state)
+        return logits, value, *(following[name] for name in state)
+
+
+def export_networks(agent: Agent, inputs: Inputs, folder: Path) -> None:
     """Write ``policy.onnx`` and ``predictor.onnx`` for any number of agents."""
-    n, categories = 2, len(CATEGORIES)
-    inputs = {
-        "features": (n, FEATURES), "detections": (n, categories, len(DETECTION_FIELDS)),
-        "goal": (n, categories), "previous_action": (n, NUM_ACTIONS),
-        "collision_probability": (n, 1), "h": (n, model.hidden), "c": (n, model.hidden),
+    n, objects = 2, len(inputs.objects)
+    memory = {k: (n, *shape) for k, shape in agent.model.state_shapes.items()}
+    seen = {
+        "features": (n, *inputs.features), "detections": (n, objects, inputs.detections),
+        "goal": (n, objects), "room": (n, len(ROOM_TYPES)), "previous_action": (n, NUM_ACTIONS),
+        "collision_probability": (n, 1),
     }  # fmt: skip
-    _export(model, inputs, ["logits", "value", "next_h", "next_c"], folder / "policy.onnx")
-    inputs = {
-        "features": (n, FEATURES), "previous_action": (n, NUM_ACTIONS),
-        "state": (n, 4, predictor.hidden),
+    outputs = ["logits", "value", *(f"next_{name}" for name in memory)]
+    _export(_Flat(agent.model), seen | memory, outputs, folder / "policy.onnx")
+    seen = {
+        "features": (n, *inputs.features), "previous_action": (n, NUM_ACTIONS),
+        "state": (n, *agent.predictor.state_shape),
     }  # fmt: skip
-    _export(predictor, inputs, ["logit", "next_state"], folder / "predictor.onnx")
+    _export(agent.predictor, seen, ["logit", "next_state"], folder / "predictor.onnx")
 
 
 def _export(

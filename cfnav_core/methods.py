@@ -13,27 +13,47 @@ class Stage:
         collision_penalty: r_c of Eq. 4.
         train_predictor: learn P(I_t; phi) from MoveAhead steps.
         feed_prediction: give p_hat to the policy; zero otherwise.
+        distance_shaping: lambda of Xiao et al., reward per metre that the way gets shorter.
     """
 
     collision_penalty: float = 0.0
     train_predictor: bool = False
     feed_prediction: bool = False
+    distance_shaping: float = 0.0
 
 
 @dataclass(frozen=True)
 class Method:
-    """Stage one and stage two."""
+    """Stage one and stage two.
+
+    Attributes:
+        shared_encoder: the predictor reads the policy's own picture encoder and trains it too.
+    """
 
     stage1: Stage
     stage2: Stage
+    shared_encoder: bool = False
 
+
+def throughout(stage: Stage, shared_encoder: bool = False) -> Method:
+    """One stage all the time."""
+    return Method(stage, stage, shared_encoder)
+
+
+PREDICT = Stage(train_predictor=True)
 
 METHODS: dict[str, Method] = {
-    "ours": Method(
-        Stage(train_predictor=True), Stage(collision_penalty=-0.5, feed_prediction=True)
-    ),
-    "plain": Method(Stage(), Stage()),
+    "ours": Method(PREDICT, Stage(collision_penalty=-0.5, feed_prediction=True)),
+    "plain": throughout(Stage()),
+    "reward": throughout(Stage(collision_penalty=-0.1)),
+    "xiao": throughout(Stage(collision_penalty=-0.1, distance_shaping=0.01)),
+    "wu": throughout(PREDICT, shared_encoder=True),
     "stage_only": Method(Stage(), Stage(collision_penalty=-0.5)),
-    "reward": Method(Stage(collision_penalty=-0.1), Stage(collision_penalty=-0.1)),
+    "cp_only": throughout(Stage(train_predictor=True, feed_prediction=True)),
+    "reward_only": throughout(Stage(collision_penalty=-0.5)),
 }
-"""ours and the two ablations it is judged by, and Reward. Source: Sections V-C and V-D."""
+"""ours, the original model, the three comparisons and the three ablations. Source: Section V.
+
+Wu et al. train the prediction as an auxiliary task and feed it to nobody. Reward Only keeps the
+penalty of ours from the first episode on; with -0.1 it would repeat Reward.
+"""

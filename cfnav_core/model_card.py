@@ -29,7 +29,7 @@ def model_card(head: BundleHead) -> str:
         f"{hp['stage1_episodes']:,} episodes, stage two {hp['stage2_episodes']:,}; the checkpoint "
         f"with the best CF-SR on the validation rooms was kept (after {t['episodes']:,} episodes, "
         f"{t['steps']:,} steps). LSTM widths {size['hidden']} (policy) and "
-        f"{size['predictor_hidden']} (collision predictor).",
+        f"{t['config']['predictor_hidden']} (collision predictor).",
         "",
         f"Training rooms: {', '.join(t['train_rooms'])}. Validation rooms: "
         f"{', '.join(t['validation_rooms'])}. Perception `{t['perception']}` saw none of these nor "

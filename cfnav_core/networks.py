@@ -16,43 +16,74 @@ if TYPE_CHECKING:
     from cfnav_core.collision_predictor import CollisionPredictor
     from cfnav_core.models import NavModel
 
+SEEN = ("features", "detections", "goal", "room", "previous_action", "collision_probability")
+"""What a policy may read (``models.Seen``); whatever else policy.onnx takes is its memory."""
+
 
 @dataclass
 class AgentState:
     """What N agents remember between steps, all float32.
 
     Attributes:
-        h, c: [N, H]. predictor: [N, 4, H'].
+        policy: by name, [N, ...] each.
+        predictor: [N, ...].
         previous_action: [N, 6], one-hot of the executed action, zeros at the start.
     """
 
-    h: np.ndarray
-    c: np.ndarray
+    policy: dict[str, np.ndarray]
     predictor: np.ndarray
     previous_action: np.ndarray
 
-    @classmethod
-    def zeros(cls, n: int, hidden: tuple[int, int]) -> AgentState:
-        """At the start of N episodes; ``hidden`` is (H, H')."""
-        shapes = ((n, hidden[0]), (n, hidden[0]), (n, 4, hidden[1]), (n, NUM_ACTIONS))
-        return cls(*(np.zeros(s, np.float32) for s in shapes))
+    def rows(self, chosen: np.ndarray) -> AgentState:
+        """The chosen agents (bool or int [N]), copied."""
+        return AgentState(
+            {k: v[chosen] for k, v in self.policy.items()}, self.predictor[chosen],
+            self.previous_action[chosen],
+        )  # fmt: skip
+
+    def put(self, chosen: np.ndarray, rows: AgentState) -> None:
+        """Replace the chosen agents."""
+        for name, value in rows.policy.items():
+            self.policy[name][chosen] = value
+        self.predictor[chosen] = rows.predictor
+        self.previous_action[chosen] = rows.previous_action
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What N agents see, float32.
+
+    Attributes:
+        features: [N, *F]. detections: [N, C, D].
+        goal: [N, C], one-hot. room: [N, 4], one-hot.
+    """
+
+    features: np.ndarray
+    detections: np.ndarray
+    goal: np.ndarray
+    room: np.ndarray
 
 
 class Networks(Protocol):
-    """One step of N agents.
+    """One step of N agents; ``zero_state`` is theirs at the start of an episode."""
 
-    ``step`` takes float32 features [N, F], detections [N, C, 5], goals [N, C] one-hot, the state
-    (updated in place but for ``previous_action``) and p_hat [N] or None for the predictor's own;
-    it returns action probabilities [N, 6] and the p_hat [N] that was given to the policy.
-    """
-
-    hidden: tuple[int, int]
+    def zero_state(self, n: int) -> AgentState:
+        """Of N agents."""
+        ...
 
     def step(
-        self, features: np.ndarray, detections: np.ndarray, goals: np.ndarray, state: AgentState,
-        collision_probability: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """See the class."""
+        self, sight: Sight, state: AgentState, collision_probability: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Decide.
+
+        Args:
+            sight: what is seen.
+            state: updated in place but for ``previous_action``.
+            collision_probability: p_hat, float32 [N], or None for the predictor's own.
+
+        Returns:
+            Action probabilities [N, 6] and the p_hat [N] that was given to the policy.
+        """
         ...
 
 
@@ -71,33 +102,45 @@ class OnnxNetworks:
             )
         except ValueError as error:
             raise BundleError(f"found networks in {folder} that do not load: {error}") from error
-        self.hidden = head.hidden
         self._feeds = head.feeds_prediction
+        shapes = {i.name: tuple(i.shape[1:]) for i in self._policy.get_inputs()}
+        self._reads = [name for name in shapes if name in SEEN]
+        self._memory = {name: shape for name, shape in shapes.items() if name not in SEEN}
+        inputs = {i.name: tuple(i.shape[1:]) for i in self._predictor.get_inputs()}
+        self._predictor_memory = inputs["state"]
+
+    def zero_state(self, n: int) -> AgentState:
+        """See ``Networks``."""
+        return AgentState(
+            {k: np.zeros((n, *shape), np.float32) for k, shape in self._memory.items()},
+            np.zeros((n, *self._predictor_memory), np.float32),
+            np.zeros((n, NUM_ACTIONS), np.float32),
+        )
 
     def step(
-        self, features: np.ndarray, detections: np.ndarray, goals: np.ndarray, state: AgentState,
-        collision_probability: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        self, sight: Sight, state: AgentState, collision_probability: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """See ``Networks``."""
         p_hat = collision_probability
         if p_hat is None:
             logit, state.predictor = self._predictor.run(
                 None,
                 {
-                    "features": features, "previous_action": state.previous_action,
+                    "features": sight.features, "previous_action": state.previous_action,
                     "state": state.predictor,
                 },
             )  # fmt: skip
             p_hat = 1 / (1 + np.exp(-logit[:, 0]))
         fed = p_hat if self._feeds else np.zeros_like(p_hat)
-        logits, _, state.h, state.c = self._policy.run(
-            None,
-            {
-                "features": features, "detections": detections, "goal": goals,
-                "previous_action": state.previous_action, "h": state.h, "c": state.c,
-                "collision_probability": fed[:, None].astype(np.float32),
-            },
-        )  # fmt: skip
+        seen = {
+            **vars(sight), "previous_action": state.previous_action,
+            "collision_probability": fed[:, None].astype(np.float32),
+        }  # fmt: skip
+        names = ["logits", *(f"next_{name}" for name in self._memory)]
+        logits, *following = self._policy.run(
+            names, {name: seen[name] for name in self._reads} | state.policy
+        )
+        state.policy = dict(zip(self._memory, following, strict=True))
         return _softmax(logits), p_hat.astype(np.float32)
 
 
@@ -105,30 +148,43 @@ class TorchNetworks:
     """The same over torch modules, for validation during training and for comparison."""
 
     def __init__(self, model: NavModel, predictor: CollisionPredictor, feeds: bool) -> None:
-        self.model, self.predictor, self._feeds = model, predictor, feeds
-        self.hidden = (model.hidden, predictor.hidden)
+        self._model, self._predictor, self._feeds = model, predictor, feeds
+
+    def zero_state(self, n: int) -> AgentState:
+        """See ``Networks``."""
+        return AgentState(
+            {k: v.numpy() for k, v in self._model.zero_state(n).items()},
+            np.zeros((n, *self._predictor.state_shape), np.float32),
+            np.zeros((n, NUM_ACTIONS), np.float32),
+        )
 
     def step(
-        self, features: np.ndarray, detections: np.ndarray, goals: np.ndarray, state: AgentState,
-        collision_probability: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """See ``Networks``."""
+        self, sight: Sight, state: AgentState, collision_probability: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See ``Networks``; the model answers in its test phase."""
         import torch
 
+        from cfnav_core.models import Seen
+
         t = torch.from_numpy
+        was_training = self._model.training
+        self._model.eval()
         with torch.no_grad():
             p_hat = collision_probability
             if p_hat is None:
-                logit, memory = self.predictor(
-                    t(features), t(state.previous_action), t(state.predictor)
+                logit, memory = self._predictor(
+                    t(sight.features), t(state.previous_action), t(state.predictor)
                 )
                 state.predictor, p_hat = memory.numpy(), torch.sigmoid(logit[:, 0]).numpy()
             fed = p_hat if self._feeds else np.zeros_like(p_hat)
-            logits, _, h, c = self.model(
-                t(features), t(detections), t(goals), t(state.previous_action),
-                t(fed[:, None].astype(np.float32)), t(state.h), t(state.c),
-            )  # fmt: skip
-        state.h, state.c = h.numpy(), c.numpy()
+            seen = Seen(
+                **{k: t(v) for k, v in vars(sight).items()},
+                previous_action=t(state.previous_action),
+                collision_probability=t(fed[:, None].astype(np.float32)),
+            )
+            logits, _, following = self._model(seen, {k: t(v) for k, v in state.policy.items()})
+        self._model.train(was_training)
+        state.policy = {k: v.numpy() for k, v in following.items()}
         return _softmax(logits.numpy()), p_hat.astype(np.float32)
 
 

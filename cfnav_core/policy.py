@@ -9,11 +9,14 @@ import numpy as np
 
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
-from cfnav_core.networks import AgentState, OnnxNetworks
+from cfnav_core.networks import OnnxNetworks, Sight
 from cfnav_core.perception import Perception, PerceptionError
-from cfnav_core.vocabulary import CATEGORIES, CATEGORY_ID
+from cfnav_core.vocabulary import ROOM_TYPES
 
 __all__ = ["BundleError", "Decision", "Policy"]
+
+
+NO_ROOM = np.zeros((1, len(ROOM_TYPES)), np.float32)
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,10 @@ class Policy:
     def __init__(self, head: BundleHead, perception: Perception, networks: OnnxNetworks) -> None:
         self.name = head.name
         self.goals = head.goals
+        self._objects = head.objects
         self._perception, self._networks = perception, networks
-        self._goal = -1
-        self._state = AgentState.zeros(1, networks.hidden)
+        self._goal, self._room = -1, NO_ROOM
+        self._state = networks.zero_state(1)
 
     @classmethod
     def load(cls, bundle: Path | str | None = None) -> Policy:
@@ -64,16 +68,20 @@ class Policy:
 
         Args:
             goal: one of ``goals``.
-            room_type: ignored by models that do not use it.
+            room_type: one of ``ROOM_TYPES``; only models that look it up need it.
 
         Raises:
-            ValueError: unknown goal.
+            ValueError: unknown goal or room type.
         """
-        del room_type
         if goal not in self.goals:
             raise ValueError(f"found goal {goal!r}, expected one of {', '.join(self.goals)}")
-        self._goal = CATEGORY_ID[goal]
-        self._state = AgentState.zeros(1, self._networks.hidden)
+        if room_type not in (None, *ROOM_TYPES):
+            raise ValueError(f"found room type {room_type!r}, expected {', '.join(ROOM_TYPES)}")
+        self._room = NO_ROOM.copy()
+        if room_type is not None:
+            self._room[0, ROOM_TYPES.index(room_type)] = 1
+        self._goal = self._objects.index(goal)
+        self._state = self._networks.zero_state(1)
 
     def act(self, rgb: np.ndarray, collision_probability: float | None = None) -> Decision:
         """Decide on one picture.
@@ -97,11 +105,11 @@ class Policy:
                 )
             given = np.array([collision_probability], np.float32)
         seen = self._perception.observe(rgb)
-        goal = np.eye(len(CATEGORIES), dtype=np.float32)[[self._goal]]
-        pi, p_hat = self._networks.step(
-            seen.features.astype(np.float32), seen.detections.astype(np.float32), goal,
-            self._state, given,
-        )  # fmt: skip
+        goal = np.eye(len(self._objects), dtype=np.float32)[[self._goal]]
+        sight = Sight(
+            seen.features.astype(np.float32), seen.detections.astype(np.float32), goal, self._room
+        )
+        pi, p_hat = self._networks.step(sight, self._state, given)
         action = Action(int(pi[0].argmax()))
         self.executed(action)
         return Decision(action, pi[0], float(p_hat[0]), float(seen.detections[0, self._goal, 0]))

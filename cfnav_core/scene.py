@@ -110,7 +110,7 @@ class OfflineScene:
         """
         try:
             head = json.loads((folder / "scene.json").read_text())
-            arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="r") for k in ARRAYS}
+            arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="c") for k in ARRAYS}
         except (OSError, ValueError) as error:
             raise SceneError(
                 f"found no readable scene in {folder} ({error}); "
@@ -123,8 +123,8 @@ class OfflineScene:
             )
         objects = tuple(head["objects"])
         arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(objects)].astype(bool)
-        text = (head[k] for k in ("name", "room_type", "perception", "source"))
-        scene = cls(*text, objects, tuple(head["goals"]), **arrays)
+        text = {k: head[k] for k in ("name", "room_type", "perception", "source")}
+        scene = cls(**text, objects=objects, goals=tuple(head["goals"]), **arrays)
         scene.check(folder, head["states"])
         return scene
 

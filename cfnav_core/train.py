@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from cfnav_core.agent import new_agent
 from cfnav_core.algorithm import Memory, collect_rollout, losses
 from cfnav_core.checkpoint import (
     load_module,
@@ -24,15 +25,14 @@ from cfnav_core.checkpoint import (
     restore_optimizer,
     save_tensors,
 )
-from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.config import TrainOptions
 from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.evaluate import Episodes, run_episodes
+from cfnav_core.knowledge.files import load_knowledge
 from cfnav_core.methods import METHODS
 from cfnav_core.metrics import cf_sr, sr
-from cfnav_core.models import MODELS
+from cfnav_core.models import Knowledge
 from cfnav_core.networks import TorchNetworks
-from cfnav_core.vocabulary import CATEGORIES
 
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
 
@@ -55,16 +55,19 @@ class Run:
         config = options.run
         self.options, self.hp = options, config.hyperparameters
         self.method = METHODS[config.method]
-        torch.manual_seed(config.seed)
-        self.model = MODELS[config.model](config.size.hidden)
-        self.predictor = CollisionPredictor(config.size.predictor_hidden)
-        self.optimizer = torch.optim.Adam(self.model.parameters(), self.hp.lr, fused=True)
-        self.predictor_optimizer = torch.optim.Adam(
-            self.predictor.parameters(), self.hp.lr, fused=True
-        )
         self.bank = SceneBank.load(options.scenes, train_rooms)
         self.validation = SceneBank.load(options.scenes, validation_rooms)
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
+        torch.manual_seed(config.seed)
+        objects, perception = self.bank.objects, self.bank.perception
+        known = options.knowledge and load_knowledge(options.knowledge, objects, perception)
+        self.knowledge = known or Knowledge()
+        self.agent = new_agent(config, self.bank.inputs, self.knowledge)
+        self.model, self.predictor = self.agent.model, self.agent.predictor
+        self.optimizer = torch.optim.Adam(self.model.parameters(), self.hp.lr, fused=True)
+        policy = {id(p) for p in self.model.parameters()}
+        own = [p for p in self.predictor.parameters() if id(p) not in policy]
+        self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
         self.episodes, self.steps, self.best = 0, 0, -1.0
         self.options.out.mkdir(parents=True, exist_ok=True)
 
@@ -97,12 +100,15 @@ class Run:
         """Write everything the run needs to go on."""
         tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
         tensors |= {f"predictor.{k}": v for k, v in self.predictor.state_dict().items()}
+        known = self.knowledge.arrays().items()
+        tensors |= {f"knowledge.{k}": torch.from_numpy(v) for k, v in known}
         tensors |= optimizer_tensors("optimizer", self.optimizer)
         tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
-        goals = sorted({CATEGORIES[t.goal] for t in self.bank.tasks})
+        goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
         save_tensors(self.options.out / name, tensors, {
             "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
             "best": self.best, "perception": self.bank.perception, "goals": goals,
+            "inputs": asdict(self.bank.inputs),
             "commit": commit(), "train_rooms": self.options.train_rooms,
             "validation_rooms": self.options.validation_rooms,
         })  # fmt: skip
@@ -131,20 +137,23 @@ class Run:
         )
         memory.detach()
         rollout = collect_rollout(
-            env, self.model, self.predictor, memory, stage, self.hp.rollout_length, generator
+            env, self.agent, memory, stage, self.hp.rollout_length, generator
         )
         loss, collision, figures = losses(rollout, stage, self.hp)
         for group in self.optimizer.param_groups:
             group["lr"] = self.learning_rate()
+        learned = [self.optimizer]
         self.optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.hp.max_grad_norm)
-        self.optimizer.step()
         if collision is not None:
+            # L_c reaches the policy only through an encoder that both share (Wu et al.)
+            learned.append(self.predictor_optimizer)
             self.predictor_optimizer.zero_grad()
-            collision.backward()
-            torch.nn.utils.clip_grad_norm_(self.predictor.parameters(), self.hp.max_grad_norm)
-            self.predictor_optimizer.step()
+            loss = loss + collision
+        loss.backward()
+        for optimizer in learned:
+            parameters = optimizer.param_groups[0]["params"]
+            torch.nn.utils.clip_grad_norm_(parameters, self.hp.max_grad_norm)
+            optimizer.step()
         self.episodes += rollout.episodes
         self.steps += env.batch * self.hp.rollout_length
         figures |= {k: getattr(rollout, k) for k in ("successes", "collision_free", "collisions")}
@@ -162,7 +171,7 @@ def train(
     rng = np.random.default_rng([options.run.seed, run.episodes])
     generator = torch.Generator().manual_seed(options.run.seed * 7_919 + run.episodes)
     env = ObjectNavEnv(run.bank, run.hp.batch, rng)
-    memory = Memory.zeros(run.hp.batch, run.model, run.predictor)
+    memory = Memory.zeros(env, run.agent)
     bar = tqdm(total=run.total, initial=run.episodes, unit="episode", mininterval=5)
     saved = time.monotonic()
     sums: dict[str, float] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -11,6 +12,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
+from cfnav_core.config import ModelSize
+from cfnav_core.models.picture import Picture
 
 State = dict[str, Tensor]
 """What a model remembers of B episodes, float32 [B, ...] each; zeros when an episode starts."""
@@ -95,21 +98,6 @@ class Seen:
     collision_probability: Tensor
 
 
-@dataclass(frozen=True)
-class ModelSize:
-    """Widths of a network. The defaults are those of the compact networks.
-
-    Attributes:
-        hidden: LSTM width; the published networks have 512.
-        channels: of picture and fusion maps; the published networks have 64.
-        dropout: on picture and fusion maps; the published networks have 0.25.
-    """
-
-    hidden: int = 256
-    channels: int = 64
-    dropout: float = 0.0
-
-
 PUBLISHED = ModelSize(hidden=512, channels=64, dropout=0.25)
 """Widths of the published networks over 7x7 maps."""
 
@@ -123,9 +111,25 @@ class NavModel(nn.Module):
 
     Attributes:
         state_shapes: names and shapes (without B) of what it remembers.
+        reward: the row of ``REWARDS`` it was published with.
     """
 
     state_shapes: Mapping[str, tuple[int, ...]]
+    reward: ClassVar[str] = "baseline"
+
+    def picture_encoder(self) -> nn.Module:
+        """The layers that a collision predictor may share: features to a map.
+
+        Raises:
+            ValueError: this model has none.
+        """
+        picture = getattr(self, "picture", None)
+        if not isinstance(picture, Picture):
+            raise ValueError(
+                f"found no picture encoder in {type(self).__name__} that a predictor could share; "
+                "choose another model or method"
+            )
+        return picture
 
     def zero_state(self, batch: int) -> State:
         """At the start of ``batch`` episodes, on the device of the weights."""

@@ -78,6 +78,8 @@ class BaselineLabel(NavModel):
         knowledge: nothing of it is needed.
     """
 
+    reward = "hoz"
+
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects, k = len(inputs.objects), size.channels

@@ -69,6 +69,8 @@ class HOZ(NavModel):
     hops: Tensor
     adjacency: Tensor
 
+    reward = "hoz"
+
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects, k = len(inputs.objects), size.channels

@@ -38,6 +38,8 @@ class LayoutModel(NavModel):
     prior: Tensor
     codes: Tensor
 
+    reward = "layout"
+
     def __init__(
         self, inputs: Inputs, size: ModelSize, knowledge: Knowledge, codes: Tensor,
         threshold: float | None,

@@ -72,6 +72,8 @@ class MjolnirR(NavModel):
     words: Tensor
     similarity: Tensor
 
+    reward = "mjolnir"
+
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects = len(inputs.objects)

@@ -77,6 +77,8 @@ class TDANet(NavModel):
     similarity: Tensor
     found: Tensor
 
+    reward = "similarity"
+
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         self.columns = columns_of(inputs.detections)

@@ -87,7 +87,8 @@ def read_graph(path: Path) -> Graph:
         edges |= {(b, a) for a, b in edges}
     states |= {key for edge in edges for key in edge}
     if not states:
-        raise SceneError(f"found no usable state in {path}; {next(iter(keys.bad.values()), '')}")
+        why = next(iter(keys.bad.values()), "it is empty")
+        raise SceneError(f"found no usable state in {path} ({why}); unpack it again")
     return Graph(frozenset(states), frozenset(edges), keys.bad)
 
 

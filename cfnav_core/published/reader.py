@@ -33,6 +33,11 @@ class Choice:
     features: str | None = None
     drop_bad: bool = False
 
+    @property
+    def feature_files(self) -> tuple[str, ...]:
+        """In the order they are looked for."""
+        return (self.features,) if self.features else self.layout.features
+
 
 @dataclass(frozen=True)
 class Files:
@@ -51,10 +56,9 @@ def files_of(folder: Path, choice: Choice) -> Files:
         SceneError: one is missing.
     """
     layout = choice.layout
-    features = (choice.features,) if choice.features else layout.features
     return Files(
         first_of(folder, ("graph.json",)), first_of(folder, layout.visible),
-        first_of(folder, features),
+        first_of(folder, choice.feature_files),
         first_of(folder, layout.detections) if layout.detections else None,
     )  # fmt: skip
 

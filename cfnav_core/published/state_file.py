@@ -29,7 +29,7 @@ class StateFile:
 
         self.path = path
         try:
-            self._file = h5py.File(path, "r")
+            self._file = h5py.File(path, "r", locking=False)  # also on read-only shares
             texts = list(self._file)
         except (OSError, RuntimeError) as error:
             raise SceneError(

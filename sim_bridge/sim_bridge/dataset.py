@@ -27,9 +27,11 @@ from cfnav_core.picture_set import COARSE, HEAT, PictureSet
 from cfnav_core.rooms import parse_rooms
 from cfnav_core.scene import PICTURES, OfflineScene, SceneError
 from cfnav_core.vocabulary import CATEGORIES
-from sim_bridge.room import generate_room
+from sim_bridge.room import Room, generate_room
 
 BATCH = 64
+MIN_GOAL_STATES = 4
+"""A goal seen from fewer states of a room is not asked for there."""
 
 
 @dataclass(frozen=True)
@@ -132,11 +134,31 @@ def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
                 pose, picture.pixels(len(world.room.objects))
             )
     none = np.empty((states, 0), np.float16)
+    often = visible.sum(0) >= MIN_GOAL_STATES
+    goals = tuple(name for name, enough in zip(CATEGORIES, often, strict=True) if enough)
     scene = OfflineScene(
-        f"{kind}:{seed}", kind, "", source_identity(), none, none, grid.next_state, grid.collided,
-        visible, grid.positions,
+        name=f"{kind}:{seed}", room_type=kind, perception="", source=source_identity(),
+        objects=CATEGORIES, goals=goals, features=none, detections=none,
+        next_state=grid.next_state, collided=grid.collided, visible=visible,
+        position=grid.position, heading=grid.heading, horizon=grid.horizon,
+        positions=grid.positions,
+        **_instances(world.room, grid.positions),
     )  # fmt: skip
     return scene, pictures
+
+
+def _instances(room: Room, positions: np.ndarray) -> dict[str, np.ndarray]:
+    """How many of each category a room has, and how far the nearest is from each position."""
+    instances = np.zeros(len(CATEGORIES), np.int16)
+    distance = np.full((len(positions), len(CATEGORIES)), np.inf, np.float32)
+    for thing in room.objects:
+        if thing.name in CATEGORIES:
+            category = CATEGORIES.index(thing.name)
+            x0, y0, x1, y1 = thing.footprint
+            away = np.hypot(*(positions - np.array([(x0 + x1) / 2, (y0 + y1) / 2])).T)
+            distance[:, category] = np.minimum(distance[:, category], away)
+            instances[category] += 1
+    return {"instances": instances, "distance": distance}
 
 
 def render_views(kind: str, seed: int, out: Path, views: int) -> int:

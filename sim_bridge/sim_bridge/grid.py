@@ -40,6 +40,21 @@ class StateGrid:
     next_state: np.ndarray
     collided: np.ndarray
 
+    @property
+    def position(self) -> np.ndarray:
+        """int32 [S], row of ``positions``."""
+        return np.arange(len(self.next_state), dtype=np.int32) // (HEADINGS * HORIZONS)
+
+    @property
+    def heading(self) -> np.ndarray:
+        """int8 [S], 0..7."""
+        return (np.arange(len(self.next_state)) // HORIZONS % HEADINGS).astype(np.int8)
+
+    @property
+    def horizon(self) -> np.ndarray:
+        """int8 [S], 0 level or 1 down."""
+        return (np.arange(len(self.next_state)) % HORIZONS).astype(np.int8)
+
     def pose(self, state: int) -> Pose:
         """The robot pose of a state."""
         x, y = self.positions[state // (HEADINGS * HORIZONS)]
@@ -170,5 +185,5 @@ def start_episode(world: World, camera: Camera, goal: str, seed: int) -> Start:
         )
     state = int(np.random.default_rng([seed, CATEGORIES.index(goal)]).choice(starts))
     pose = grid.pose(state)
-    metres = metres_to(grid.next_state, seen)[state // (HEADINGS * HORIZONS)]
+    metres = metres_to(grid.next_state, seen, grid.position, grid.heading)[grid.position[state]]
     return Start(pose.x, pose.y, pose.yaw, float(metres), int(actions[state]) + 1)

@@ -1,13 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
+from cfnav_core.agent import Agent, new_agent
 from cfnav_core.algorithm import Memory, Rollout, collect_rollout, compute_returns, losses
-from cfnav_core.collision_predictor import CollisionPredictor, collision_loss
-from cfnav_core.config import Hyperparameters
+from cfnav_core.collision_predictor import collision_loss
+from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
 from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.methods import METHODS, Stage
-from cfnav_core.models import MODELS
+from cfnav_core.models import Knowledge
 from cfnav_core.reward import nav_reward, total_reward
 
 from .worlds import hall
@@ -65,68 +68,93 @@ def test_collision_loss_counts_only_steps_that_moved_ahead():
     assert nothing.item() == 0
 
 
-@pytest.fixture
-def parts():
+SMALL = RunConfig(model="baseline_label", size=ModelSize(32, 8), predictor_hidden=16)
+
+
+def parts(method: str = "ours", **changes) -> tuple[ObjectNavEnv, Agent, Memory]:
     torch.manual_seed(0)
-    env = ObjectNavEnv(SceneBank([hall()]), 32, np.random.default_rng(0))
-    model, predictor = MODELS["baseline"](32), CollisionPredictor(16)
-    return env, model, predictor, Memory.zeros(32, model, predictor)
+    bank = SceneBank([hall()])
+    env = ObjectNavEnv(bank, 32, np.random.default_rng(0))
+    agent = new_agent(replace(SMALL, method=method, **changes), bank.inputs, Knowledge())
+    return env, agent, Memory.zeros(env, agent)
 
 
-def fed_probabilities(parts, stage: Stage) -> torch.Tensor:
-    env, model, predictor, memory = parts
+def fed_probabilities(env, agent, memory, stage: Stage) -> torch.Tensor:
     seen = []
-    hook = model.register_forward_pre_hook(lambda _, args: seen.append(args[4]))
-    collect_rollout(env, model, predictor, memory, stage, 5, torch.Generator().manual_seed(0))
+    hook = agent.model.register_forward_pre_hook(
+        lambda _, args: seen.append(args[0].collision_probability)
+    )
+    collect_rollout(env, agent, memory, stage, 5, torch.Generator().manual_seed(0))
     hook.remove()
     return torch.cat(seen)
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_stage_rules(parts, name):
-    """p_hat is zero in stage one; the predictor learns in stage one only; r_c as the table says."""
-    env, model, predictor, memory = parts
-    method = METHODS[name]
-    assert (fed_probabilities(parts, method.stage1) == 0).all()
-    fed = fed_probabilities(parts, method.stage2)
-    assert (fed > 0).all() if method.stage2.feed_prediction else (fed == 0).all()
-    assert not method.stage2.train_predictor
+def test_stage_rules(name):
+    """p_hat and predictor as the method's stages say; r_c and shaping as the table says."""
+    env, agent, memory = parts(name)
+    method, own = METHODS[name], own_parameters(agent)
     for stage in (method.stage1, method.stage2):
+        fed = fed_probabilities(env, agent, memory, stage)
+        assert (fed > 0).all() if stage.feed_prediction else (fed == 0).all()
         memory.detach()
-        r = collect_rollout(env, model, predictor, memory, stage, 20, torch.Generator())
-        predictor.zero_grad()
+        r = collect_rollout(env, agent, memory, stage, 20, torch.Generator())
         loss, collision, _ = losses(r, stage, Hyperparameters())
         assert (collision is not None) == stage.train_predictor
+        agent.predictor.zero_grad()
         loss.backward(retain_graph=collision is not None)
-        # the policy's loss never reaches the predictor
-        assert all(p.grad is None or (p.grad == 0).all() for p in predictor.parameters())
+        # the policy's loss never reaches the predictor's own weights
+        assert all(p.grad is None or (p.grad == 0).all() for p in own)
         if collision is not None:
             collision.backward()
-            assert any((p.grad != 0).any() for p in predictor.parameters())
+            assert any((p.grad != 0).any() for p in own)
         collided, reward = torch.stack(r.collided), torch.stack(r.reward)
         assert collided.any()
-        # a blocked MoveAhead is never a success, so r_o is the step reward there
-        expected = torch.full_like(reward[collided], -0.01 + stage.collision_penalty)
+        # a blocked MoveAhead is never a success and leads nowhere, so r_o is what a move costs: 0
+        expected = torch.full_like(reward[collided], stage.collision_penalty)
         torch.testing.assert_close(reward[collided], expected)
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_every_model_reads_the_collision_probability(name):
-    torch.manual_seed(0)
-    model = MODELS[name](32)
-    inputs = [torch.randn(3, 256), torch.rand(3, 38, 5), torch.eye(38)[:3], torch.zeros(3, 6)]
-    state = [torch.zeros(3, 32), torch.zeros(3, 32)]
-    low = model(*inputs, torch.zeros(3, 1), *state)
-    high = model(*inputs, torch.ones(3, 1), *state)
-    assert low[0].shape == (3, 6)
-    assert low[1].shape == (3, 1)
-    assert (low[0] != high[0]).any(1).all()
+def own_parameters(agent: Agent) -> list[torch.Tensor]:
+    shared = {id(p) for p in agent.model.parameters()}
+    return [p for p in agent.predictor.parameters() if id(p) not in shared]
 
 
-def test_bootstrap_advances_no_memory(parts):
-    env, model, predictor, memory = parts
+def test_only_ours_freezes_its_predictor_and_only_wu_shares_an_encoder():
+    assert METHODS["ours"].stage1.train_predictor
+    assert not METHODS["ours"].stage2.train_predictor
+    for name in METHODS:
+        _, agent, _ = parts(name)
+        shared = agent.predictor.picture is agent.model.picture
+        assert shared == (name == "wu")
+
+
+def test_the_prediction_trains_a_shared_encoder():
+    env, agent, memory = parts("wu")
+    r = collect_rollout(env, agent, memory, METHODS["wu"].stage1, 20, torch.Generator())
+    _, collision, _ = losses(r, METHODS["wu"].stage1, Hyperparameters())
+    collision.backward()
+    assert all((p.grad != 0).any() for p in agent.model.picture.parameters())
+    assert agent.model.fusion.pointwise.weight.grad is None
+
+
+def test_shaping_pays_each_metre_of_the_way():
+    env, agent, memory = parts("xiao", reward="baseline")
+    stage = METHODS["xiao"].stage1
+    before = env.state.clone()
+    r = collect_rollout(env, agent, memory, stage, 1, torch.Generator().manual_seed(1))
+    paths, goal = env.bank.paths, env.goal
+    still = ~r.ended[0]
+    way = (paths[before, goal] - paths[env.state, goal])[still]
+    assert (way != 0).any()
+    plain = -0.01 - 0.1 * r.collided[0][still].float()
+    torch.testing.assert_close(r.reward[0][still], plain + 0.01 * way)
+
+
+def test_bootstrap_advances_no_memory():
+    env, agent, memory = parts()
     stage = METHODS["ours"].stage2
     calls = []
-    predictor.register_forward_hook(lambda *_: calls.append(1))
-    collect_rollout(env, model, predictor, memory, stage, 7, torch.Generator().manual_seed(0))
+    agent.predictor.register_forward_hook(lambda *_: calls.append(1))
+    collect_rollout(env, agent, memory, stage, 7, torch.Generator().manual_seed(0))
     assert len(calls) == 7

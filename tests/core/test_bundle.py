@@ -13,14 +13,14 @@ import pytest
 import torch
 
 from cfnav_core.actions import Action
+from cfnav_core.agent import new_agent
 from cfnav_core.bundle import BundleError, BundleHead
-from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, evaluate_bundle, paired_difference, run_episodes
 from cfnav_core.export import export_bundle
-from cfnav_core.models import MODELS
-from cfnav_core.networks import AgentState, OnnxNetworks, TorchNetworks
+from cfnav_core.models import Knowledge
+from cfnav_core.networks import AgentState, OnnxNetworks, Sight, TorchNetworks
 from cfnav_core.perception import Perception, PerceptionError, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.policy import Policy
@@ -31,7 +31,7 @@ from .worlds import hall
 
 SMALL = RunConfig(
     hyperparameters=Hyperparameters(stage1_episodes=300, stage2_episodes=300, batch=32),
-    size=ModelSize(hidden=32, predictor_hidden=16),
+    size=ModelSize(hidden=32), predictor_hidden=16,
 )
 
 
@@ -117,24 +117,27 @@ def test_torch_and_onnx_answer_alike(made):
     from cfnav_core.checkpoint import load_module, load_tensors
 
     tensors, _ = load_tensors(made / "run" / "best.safetensors")
-    model, predictor = MODELS["baseline"](32), CollisionPredictor(16)
-    load_module(made, "model", model, tensors)
-    load_module(made, "predictor", predictor, tensors)
-    both = (onnx, TorchNetworks(model, predictor, feeds=True))
+    agent = new_agent(SMALL, SceneBank([hall()]).inputs, Knowledge())
+    load_module(made, "model", agent.model, tensors)
+    load_module(made, "predictor", agent.predictor, tensors)
+    both = (onnx, TorchNetworks(agent.model, agent.predictor, feeds=True))
     rng = np.random.default_rng(0)
-    states = [AgentState.zeros(5, (32, 16)) for _ in both]
+    states = [networks.zero_state(5) for networks in both]
     for _ in range(6):
-        features = rng.normal(size=(5, 256)).astype(np.float32)
-        detections = rng.random((5, 38, 5)).astype(np.float32)
-        goals = np.eye(38, dtype=np.float32)[rng.integers(38, size=5)]
+        sight = Sight(
+            rng.normal(size=(5, 256)).astype(np.float32),
+            rng.random((5, 38, 5)).astype(np.float32),
+            np.eye(38, dtype=np.float32)[rng.integers(38, size=5)],
+            np.eye(4, dtype=np.float32)[rng.integers(4, size=5)],
+        )
         previous = np.eye(6, dtype=np.float32)[rng.integers(6, size=5)]
         answers = []
         for networks, state in zip(both, states, strict=True):
             state.previous_action = previous
-            answers.append(networks.step(features, detections, goals, state))
+            answers.append(networks.step(sight, state))
         np.testing.assert_allclose(answers[0][0], answers[1][0], atol=1e-5)
         np.testing.assert_allclose(answers[0][1], answers[1][1], atol=1e-5)
-        np.testing.assert_allclose(states[0].h, states[1].h, atol=1e-5)
+        np.testing.assert_allclose(states[0].policy["h"], states[1].policy["h"], atol=1e-5)
 
 
 def test_policy_answers_as_offline_evaluation_does(made):
@@ -145,17 +148,18 @@ def test_policy_answers_as_offline_evaluation_does(made):
     policy = Policy.load(made / "bundle")
     pictures = np.random.default_rng(0).integers(0, 255, (8, 300, 300, 3), np.uint8)
     seen = perception(np.stack([preprocess(p) for p in pictures]))
-    state = AgentState.zeros(1, networks.hidden)
+    state = networks.zero_state(1)
     policy.reset("Mug")
     goal = np.eye(38, dtype=np.float32)[[21]]
     for i, picture in enumerate(pictures):
         p_hat = None if i % 2 else 0.25
         decision = policy.act(picture, p_hat)
         given = None if p_hat is None else np.array([p_hat], np.float32)
-        pi, predicted = networks.step(
+        sight = Sight(
             seen.features[[i]].astype(np.float32), seen.detections[[i]].astype(np.float32), goal,
-            state, given,
+            np.zeros((1, 4), np.float32),
         )  # fmt: skip
+        pi, predicted = networks.step(sight, state, given)
         state.previous_action = np.eye(6, dtype=np.float32)[[int(decision.action)]]
         np.testing.assert_allclose(decision.probabilities, pi[0], atol=1e-4)
         assert decision.collision_probability == pytest.approx(float(predicted[0]), abs=1e-4)
@@ -218,20 +222,22 @@ def test_scenes_of_another_perception_are_refused(made, tmp_path):
 class Oracle:
     """Networks that follow the shortest way: knows the tables, needs no features."""
 
-    hidden = (1, 1)
-
     def __init__(self, bank: SceneBank) -> None:
-        self.codes = {bank.features[s].tobytes(): s for s in range(len(bank.features))}
+        rows = bank.observe(torch.arange(len(bank.scene)))[0].numpy()
+        self.codes = {row.tobytes(): s for s, row in enumerate(rows)}
         self.bank = bank
 
-    def step(self, features, detections, goals, state, collision_probability=None):
-        pi = np.zeros((len(features), 6), np.float32)
-        for i, row in enumerate(features):
-            s, goal = self.codes[row.astype(np.float16).tobytes()], int(goals[i].argmax())
+    def zero_state(self, n: int) -> AgentState:
+        return AgentState({}, np.zeros((n, 1), np.float32), np.zeros((n, 6), np.float32))
+
+    def step(self, sight, state, collision_probability=None):
+        pi = np.zeros((len(sight.features), 6), np.float32)
+        for i, row in enumerate(sight.features):
+            s, goal = self.codes[row.tobytes()], int(sight.goal[i].argmax())
             ahead = self.bank.actions_to[self.bank.next_state[s, :5], goal]
             best = Action.Done if self.bank.visible[s, goal] else int(ahead.argmin())
             pi[i, best] = 1
-        return pi, np.zeros(len(features), np.float32)
+        return pi, np.zeros(len(pi), np.float32)
 
 
 def test_an_oracle_scores_one_in_everything():

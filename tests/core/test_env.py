@@ -93,7 +93,7 @@ def test_same_seed_same_rollout(bank):
 def test_scenes_of_two_perceptions_do_not_mix():
     from dataclasses import replace
 
-    with pytest.raises(SceneError, match="2 perceptions"):
+    with pytest.raises(SceneError, match="2 kinds"):
         SceneBank([hall(), replace(hall(), perception="other")])
     with pytest.raises(SceneError, match="no goal"):
         SceneBank([hall(goals={})])

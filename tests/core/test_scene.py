@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfnav_core.actions import Action
-from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene, SceneError, metres_to
+from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene, SceneError
 from cfnav_core.vocabulary import CATEGORY_ID
 
 from .worlds import hall
@@ -46,7 +46,7 @@ def test_goal_nobody_sees_is_unreachable():
     scene = hall()
     goal = CATEGORY_ID["Fridge"]
     assert (scene.actions_to(goal) == -1).all()
-    assert np.isinf(metres_to(scene.next_state, scene.visible[:, goal])).all()
+    assert np.isinf(scene.metres_to(goal)).all()
 
 
 def test_saved_scene_comes_back(tmp_path):

@@ -30,7 +30,7 @@ def options(scenes: Path, method: str, e1: int, e2: int, **kw) -> TrainOptions:
     hp = Hyperparameters(
         stage1_episodes=e1, stage2_episodes=e2, batch=16, rollout_length=10, lr=3e-3
     )  # fmt: skip
-    run = RunConfig(method, hyperparameters=hp, size=ModelSize(64, 16))
+    run = RunConfig(method, hyperparameters=hp, size=ModelSize(64), predictor_hidden=16)
     return TrainOptions(scenes, *ROOMS, out=scenes.parent / method, run=run,
                         validation_every=1000, validation_episodes=50, **kw)  # fmt: skip
 
@@ -90,7 +90,7 @@ def test_killed_run_goes_on(scenes):
         "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
         "--run.hyperparameters.stage1-episodes", "400", "--run.hyperparameters.stage2-episodes",
         "1500", "--run.hyperparameters.batch", "32", "--run.size.hidden", "16",
-        "--run.size.predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
+        "--run.predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
         "--validation-every", "400",
     ]  # fmt: skip
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)

@@ -50,7 +50,16 @@ def hall(
     detections = np.zeros((states, len(CATEGORIES), 5), np.float16)
     detections[..., 0] = detections[..., 4] = visible
     positions = np.array(cells, np.float32) * 0.25
+    index, names = np.arange(states), tuple(goals)
+    distance = np.full((len(cells), len(CATEGORIES)), np.inf, np.float32)
+    for goal, cell in goals.items():
+        distance[:, CATEGORY_ID[goal]] = np.hypot(*(positions - np.array(cell) * 0.25).T)
     return OfflineScene(
-        name, name.split(":")[0], "test", "test", features, detections, next_state, collided,
-        visible, positions,
+        name=name, room_type=name.split(":")[0], perception="test", source="test",
+        objects=CATEGORIES, goals=names, features=features, detections=detections,
+        next_state=next_state, collided=collided, visible=visible,
+        position=(index // per).astype(np.int32),
+        heading=(index // HORIZONS % HEADINGS).astype(np.int8),
+        horizon=(index % HORIZONS).astype(np.int8), positions=positions,
+        instances=np.array([c in names for c in CATEGORIES], np.int16), distance=distance,
     )  # fmt: skip

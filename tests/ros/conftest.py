@@ -183,15 +183,19 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle of real networks, set by hand: MoveAhead six times whatever it sees, then Done."""
     torch = pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
     from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
-    from cfnav_core.collision_predictor import CollisionPredictor
+    from cfnav_core.agent import new_agent
+    from cfnav_core.config import ModelSize, RunConfig
     from cfnav_core.export import export_networks
-    from cfnav_core.models.baseline import Baseline
+    from cfnav_core.models import Inputs, Knowledge
     from cfnav_core.perception_net import PerceptionNet, export_perception
     from cfnav_core.vocabulary import CATEGORIES
 
     folder = tmp_path_factory.mktemp("eager")
     torch.manual_seed(0)
-    model, predictor = Baseline(16), CollisionPredictor(16)
+    inputs = Inputs((256,), 5, CATEGORIES)
+    config = RunConfig(method="plain", size=ModelSize(16), predictor_hidden=16)
+    agent = new_agent(config, inputs, Knowledge())
+    model = agent.model
     for parameter in (*model.lstm.parameters(), *model.actor.parameters()):
         torch.nn.init.zeros_(parameter)
     with torch.no_grad():
@@ -203,13 +207,13 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
         model.actor.weight[Action.Done, 0] = 100.0
         model.actor.bias[Action.Done] = -57.0  # passes 1 between h of 6 and of 7 steps
     export_perception(PerceptionNet(), folder / "perception.onnx")
-    export_networks(model.eval(), predictor.eval(), folder)
+    export_networks(agent, inputs, folder)
     BundleHead(
         name="eager",
         method="plain",
         feeds_prediction=False,
+        objects=CATEGORIES,
         goals=CATEGORIES,
-        hidden=(16, 16),
         files={name: file_hash(folder / name) for name in NETWORKS},
         training={},
         metrics={},

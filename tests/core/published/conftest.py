@@ -1,5 +1,7 @@
 """One root of each published layout, written once; tests that damage one copy a scene of it."""
 
+import shutil
+
 import pytest
 
 from . import drawn
@@ -30,3 +32,16 @@ def savn(tmp_path_factory):
     drawn.write_savn(root / "FloorPlan2_physics")
     drawn.write_savn(root / "FloorPlan402")
     return root
+
+
+@pytest.fixture
+def own1(data1, tmp_path):
+    """A scene of Data 1 to damage."""
+    shutil.copytree(data1 / "FloorPlan1", tmp_path / "FloorPlan1")
+    return tmp_path
+
+
+@pytest.fixture
+def own2(data2, tmp_path):
+    shutil.copytree(data2 / "FloorPlan230", tmp_path / "FloorPlan230")
+    return tmp_path

@@ -27,19 +27,6 @@ intact = functools.cache(read)
 """Of the roots that no test damages."""
 
 
-@pytest.fixture
-def own1(data1, tmp_path):
-    """A scene of Data 1 to damage."""
-    shutil.copytree(data1 / "FloorPlan1", tmp_path / "FloorPlan1")
-    return tmp_path
-
-
-@pytest.fixture
-def own2(data2, tmp_path):
-    shutil.copytree(data2 / "FloorPlan230", tmp_path / "FloorPlan230")
-    return tmp_path
-
-
 def as_the_controller_does(state: str, action: Action) -> str | None:
     """Text of the state an action should lead to, by the published controller's floats."""
     x, z, rotation, horizon = (float(part) for part in state.split("|"))

@@ -1,0 +1,239 @@
+"""``cfnav data``: look at data sets, check and convert published ones, freeze their episodes."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tqdm import tqdm
+
+from cfnav_core.published import start_states
+from cfnav_core.published.check import check_alike, check_root, check_scene
+from cfnav_core.published.convert import convert
+from cfnav_core.published.layouts import (
+    LAYOUTS,
+    Layout,
+    SceneFolder,
+    objects_of,
+    recognise,
+    room_of,
+    scene_folders,
+    scenes_root,
+)
+from cfnav_core.published.reader import Choice, read_room
+from cfnav_core.published.workers import in_order
+from cfnav_core.scene import OfflineScene
+from cfnav_core.store import HEAD, StoreHead, changed_arrays
+
+LayoutName = Literal["data1", "data2", "savn"]
+
+
+@dataclass(frozen=True)
+class Published:
+    """An unpacked published data set and what to read of it."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Folder that the data set was unpacked into."""
+    layout: LayoutName | None = None
+    """Which data set it is, where its files do not tell."""
+    features: str | None = None
+    """File of picture features, for example clip_featuremap.hdf5; the first found when absent."""
+    processes: int = 2
+    """Scenes read at the same time; each takes 50 to 200 kB of memory a state."""
+
+    def contents(self, drop_bad: bool = False) -> tuple[Path, list[SceneFolder], Choice]:
+        """Its root, its scenes and what to read of them."""
+        root, layout = open_root(self.folder, self.layout)
+        choice = Choice(layout, objects_of(layout, root), self.features, drop_bad)
+        return root, scene_folders(root, layout), choice
+
+
+def open_root(folder: Path, name: LayoutName | None) -> tuple[Path, Layout]:
+    """Folder of the scenes, and their layout."""
+    layout = LAYOUTS[name] if name else None
+    root = scenes_root(folder, layout)
+    return root, layout or recognise(root)
+
+
+@dataclass(frozen=True)
+class InfoData:
+    """List the scenes of a data set: published, converted or built-in."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """A published data set, a store, or a folder of built-in scenes."""
+    layout: LayoutName | None = None
+    """Which published data set it is, where its files do not tell."""
+
+    def run_command(self) -> None:
+        """Print the table."""
+        if (self.folder / HEAD).exists():
+            head = StoreHead.load(self.folder)
+            title, rows = f"store of {head.layout}, {head.perception}", list(_stored(head))
+        elif any(self.folder.glob("*/scene.json")):
+            title, rows = "built-in scenes", list(_built_in(self.folder))
+        else:
+            root, layout = open_root(self.folder, self.layout)
+            title, rows = f"published {layout.name}", list(_published(root, layout))
+        print(f"{self.folder}: {title}")
+        print(table(rows))
+
+
+Row = tuple[str, str, str, int, int, int]
+COLUMNS = ("scene", "room type", "split", "positions", "states", "targets")
+
+
+def _stored(head: StoreHead) -> Iterator[Row]:
+    for s in head.scenes:
+        yield s.name, s.room_type, s.split, s.positions, s.states, len(s.goals)
+
+
+def _built_in(folder: Path) -> Iterator[Row]:
+    for path in sorted(folder.glob("*/scene.json")):
+        yield _row(OfflineScene.load(path.parent), "-")
+
+
+def _published(root: Path, layout: Layout) -> Iterator[Row]:
+    choice = Choice(layout, objects_of(layout, root), drop_bad=True)
+    for folder in tqdm(scene_folders(root, layout), unit="scene", leave=False):
+        yield _row(read_room(folder, choice)[1], folder.split)
+
+
+def _row(scene: OfflineScene, split: str) -> Row:
+    positions = len(scene.positions)
+    return scene.name, scene.room_type, split, positions, scene.num_states, len(scene.goals)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Aligned columns with a last line of sums."""
+    sums = sum(row[3] for row in rows), sum(row[4] for row in rows)
+    total = (f"{len(rows)} scenes", "", "", *sums, "")
+    lines = [tuple(map(str, row)) for row in (COLUMNS, *rows, total)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if i < 3 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    )
+
+
+@dataclass(frozen=True)
+class CheckData(Published):
+    """Say what is missing or inconsistent in a published data set, or changed in a store.
+
+    Exit code 1 when there is anything.
+    """
+
+    quick: bool = False
+    """Leave the numbers unread: keys and shapes only."""
+
+    def run_command(self) -> None:
+        """Print one line for each problem."""
+        if (self.folder / HEAD).exists():
+            problems = [f"{key}.npy is not as it was written; make the store again"
+                        for key in changed_arrays(self.folder)]  # fmt: skip
+        else:
+            problems = self._problems()
+        for line in problems:
+            print(line)
+        print(f"{self.folder}: {len(problems) or 'no'} problem{'s' * (len(problems) != 1)}")
+        if problems:
+            sys.exit(1)
+
+    def _problems(self) -> list[str]:
+        root, folders, choice = self.contents()
+        _end_by_signal()
+        work = partial(check_scene, choice=choice, quick=self.quick)
+        bar = tqdm(in_order(work, folders, self.processes), total=len(folders), unit="scene")
+        checked = {folder.name: one for folder, one in bar}
+        lines = [f"{name}: {line}" for name, one in checked.items() for line in one.problems]
+        return [*check_root(root, choice.layout, folders), *check_alike(checked), *lines]
+
+
+@dataclass(frozen=True)
+class ConvertData(Published):
+    """Convert a published data set into one memory-mapped store. Run it again to go on."""
+
+    out: Path = Path("out/store")
+    """Folder of the store; must not be there yet."""
+    drop_bad: bool = False
+    """Leave out states with odd keys or without numbers, instead of refusing their scene."""
+
+    def run_command(self) -> None:
+        """Convert."""
+        root, folders, choice = self.contents(self.drop_bad)
+        _end_by_signal()
+        head = convert(root, folders, choice, self.out, self.processes)
+        states = sum(s.states for s in head.scenes)
+        print(f"{len(head.scenes)} scenes, {states} states in {self.out}")
+
+
+def _end_by_signal() -> None:
+    # a plain SIGTERM would leave the workers behind
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("cfnav: ended by SIGTERM"))
+
+
+@dataclass(frozen=True)
+class EpisodesData:
+    """Freeze published start states (pickle files) as JSON; nothing in them is run."""
+
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Files such as kitchen_test_22.pkl, in the order of the episodes."""
+    out: Path
+    """JSON file of scene, state and goal of each episode."""
+    first: int | None = None
+    """Only so many episodes of each file; the published evaluations take 250."""
+
+    def run_command(self) -> None:
+        """Convert."""
+        if not self.files or (self.first is not None and self.first < 1):
+            raise ValueError("found no episodes to take; name at least one file and episode")
+        episodes = [e for path in self.files for e in start_states.read_pickle(path)[: self.first]]
+        start_states.write_episodes(self.out, episodes, self.files)
+        print(f"{len(episodes)} episodes in {self.out}, {start_states.identity(episodes)[:16]}")
+
+
+@dataclass(frozen=True)
+class ExportAi2thor:
+    """Drive AI2-THOR through scenes and write them in the published layout (needs ai2thor).
+
+    Edges are real MoveAheads, not teleports as in the published graphs.
+    """
+
+    scenes: tuple[str, ...]
+    """Names such as FloorPlan1 FloorPlan201."""
+    out: Path
+    """Folder of the scenes; those that are there already are kept."""
+
+    def run_command(self) -> None:
+        """Export."""
+        from cfnav_core.published import ai2thor
+
+        for name in self.scenes:
+            room_of(name)
+        todo = [name for name in self.scenes if not (self.out / name).exists()]
+        if not todo:
+            raise ValueError(f"found no scene to export that is not in {self.out}; name some")
+        controller = ai2thor.start()
+        try:
+            for name in tqdm(todo, unit="scene"):
+                states = ai2thor.export_scene(controller, name, self.out)
+                tqdm.write(f"{name}: {states} states")
+        finally:
+            controller.stop()
+
+
+Data = (
+    Annotated[InfoData, tyro.conf.subcommand("info")]
+    | Annotated[CheckData, tyro.conf.subcommand("check")]
+    | Annotated[ConvertData, tyro.conf.subcommand("convert")]
+    | Annotated[EpisodesData, tyro.conf.subcommand("episodes")]
+    | Annotated[ExportAi2thor, tyro.conf.subcommand("export-ai2thor")]
+)
