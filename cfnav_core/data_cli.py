@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import tyro
 from tqdm import tqdm
 
+from cfnav_core.knowledge.command import KnowledgeCommand
 from cfnav_core.published import start_states
 from cfnav_core.published.check import check_alike, check_root, check_scene
 from cfnav_core.published.convert import convert
@@ -234,6 +235,7 @@ Data = (
     Annotated[InfoData, tyro.conf.subcommand("info")]
     | Annotated[CheckData, tyro.conf.subcommand("check")]
     | Annotated[ConvertData, tyro.conf.subcommand("convert")]
+    | Annotated[KnowledgeCommand, tyro.conf.subcommand("knowledge")]
     | Annotated[EpisodesData, tyro.conf.subcommand("episodes")]
     | Annotated[ExportAi2thor, tyro.conf.subcommand("export-ai2thor")]
 )

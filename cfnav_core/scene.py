@@ -121,6 +121,12 @@ class OfflineScene:
                 f"found scene schema {head.get('schema')} in {folder}, expected {SCHEMA}; "
                 "make it again with python -m sim_bridge.dataset"
             )
+        needed = {"name", "room_type", "perception", "source", "states", "objects", "goals"}
+        if missing := sorted(needed - head.keys()):
+            raise SceneError(
+                f"found no {', '.join(missing)} in {folder / 'scene.json'}; "
+                "make it again with python -m sim_bridge.dataset"
+            )
         objects = tuple(head["objects"])
         arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(objects)].astype(bool)
         text = {k: head[k] for k in ("name", "room_type", "perception", "source")}
@@ -131,6 +137,8 @@ class OfflineScene:
     def check(self, folder: Path, states: int) -> None:
         """Raise ``SceneError`` unless the arrays fit together; ``folder`` is for the message."""
         c, p = len(self.objects), len(self.positions)
+        if not states or not p:
+            raise SceneError(f"found a scene of {states} states and {p} positions in {folder}")
         shapes = {
             "features": (states, *self.features.shape[1:]),
             "detections": (states, c, *self.detections.shape[2:]),

@@ -59,7 +59,7 @@ def test_saved_scene_comes_back(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["kitchen_00000"]
 
 
-@pytest.mark.parametrize("damage", ["missing", "truncated", "other_states", "wild_edge"])
+@pytest.mark.parametrize("damage", ["missing", "truncated", "head", "other_states", "wild_edge"])
 def test_damaged_scene_says_so(tmp_path, damage):
     folder = tmp_path / "s"
     hall().save(folder)
@@ -68,6 +68,8 @@ def test_damaged_scene_says_so(tmp_path, damage):
         (folder / "features.npy").unlink()
     elif damage == "truncated":
         (folder / "features.npy").write_bytes((folder / "features.npy").read_bytes()[:-9])
+    elif damage == "head":
+        (folder / "scene.json").write_text('{"schema": 2, "name": "kitchen:0"}')
     elif damage == "other_states":
         np.save(folder / "collided.npy", np.zeros(7, bool))
     else:
