@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -56,7 +56,7 @@ class _Episodes:
 
     def begin(self, rng: np.random.Generator) -> None:
         self.env = ObjectNavEnv(self.bank, self.batch, rng)
-        self._note_starts(np.ones(self.batch, bool))
+        self.shortest = self._fewest()
 
     def observation(self) -> dict[str, np.ndarray]:
         features, detections = self.env.observe()
@@ -76,18 +76,17 @@ class _Episodes:
     def info(self) -> dict[str, Any]:
         none = np.zeros(self.batch, bool)
         return {
-            "collided": none, "success": none, "collisions": self.env.collisions.numpy().copy(),
+            "collided": none, "success": none, "collisions": np.array(self.env.collisions),
             "shortest": self.shortest.copy(),
         }  # fmt: skip
 
     def restart(self, ended: np.ndarray) -> None:
         self.env.restart(torch.from_numpy(ended))
-        self._note_starts(ended)
+        self.shortest = np.where(ended, self._fewest(), self.shortest)
 
-    def _note_starts(self, new: np.ndarray) -> None:
+    def _fewest(self) -> np.ndarray:
         state, goal = self.env.state.numpy(), self.env.goal.numpy()
-        shortest = self.bank.actions_to[state, goal].astype(np.int64) + 1
-        self.shortest = shortest if new.all() else np.where(new, shortest, self.shortest)
+        return self.bank.actions_to[state, goal].astype(np.int64) + 1
 
 
 class ObjectNav(gymnasium.Env[Any, Any]):
@@ -102,7 +101,7 @@ class ObjectNav(gymnasium.Env[Any, Any]):
         SceneError: the scenes cannot be used.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
 
     def __init__(
         self, scenes: Path | str, rooms: Sequence[str] = (), collision_penalty: float = 0.0
@@ -137,7 +136,10 @@ class ObjectNavVector(VectorEnv[Any, Any, Any]):
         num_envs: B.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
 
     def __init__(
         self, scenes: Path | str, num_envs: int = 1, rooms: Sequence[str] = (),
