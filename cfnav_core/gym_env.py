@@ -136,16 +136,12 @@ class ObjectNavVector(VectorEnv[Any, Any, Any]):
         num_envs: B.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.SAME_STEP,
-    }
-
     def __init__(
         self, scenes: Path | str, num_envs: int = 1, rooms: Sequence[str] = (),
         collision_penalty: float = 0.0,
     ) -> None:  # fmt: skip
         self._episodes = _Episodes(scenes, rooms, num_envs, collision_penalty)
+        self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
         self.num_envs = num_envs
         self.single_observation_space = self._episodes.space
         self.single_action_space = spaces.Discrete(NUM_ACTIONS)
