@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -101,11 +101,10 @@ class ObjectNav(gymnasium.Env[Any, Any]):
         SceneError: the scenes cannot be used.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
-
     def __init__(
         self, scenes: Path | str, rooms: Sequence[str] = (), collision_penalty: float = 0.0
     ) -> None:
+        self.metadata = {"render_modes": []}
         self._episodes = _Episodes(scenes, rooms, 1, collision_penalty)
         self.observation_space = self._episodes.space
         self.action_space = spaces.Discrete(NUM_ACTIONS)
