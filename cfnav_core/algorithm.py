@@ -16,7 +16,7 @@ from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.agent import Agent
 from cfnav_core.collision_predictor import collision_loss
 from cfnav_core.config import Hyperparameters
-from cfnav_core.env import ObjectNavEnv
+from cfnav_core.env import ObjectNavEnv, Part
 from cfnav_core.methods import Stage
 from cfnav_core.models import Seen, State
 from cfnav_core.reward import RewardMemory, path_shaping, total_reward
@@ -108,7 +108,7 @@ def collect_rollout(
         logits, value, memory.policy = agent.model(seen, memory.policy)
         log_pi = torch.log_softmax(logits, 1)
         pi = log_pi.exp()
-        action = torch.multinomial(pi.detach(), 1, generator=generator)  # Alg. 1: execute a_t
+        action = _sampled(pi.detach(), env.part, generator)  # Alg. 1: execute a_t
         before = env.state
         outcome = env.step(action[:, 0])  # Alg. 1: observe p_t and r_t (Eq. 4)
         shaping = stage.distance_shaping
@@ -136,6 +136,13 @@ def collect_rollout(
     everywhere = torch.ones(env.batch, dtype=torch.bool)
     r.bootstrap = _value_where(everywhere, env, agent, memory, p_hat)
     return r
+
+
+def _sampled(pi: Tensor, part: Part, generator: torch.Generator) -> Tensor:
+    """Actions int64 [B, 1] drawn from pi [B, 6]."""
+    u = part.rows(torch.rand(part.of, 1, generator=generator).numpy())
+    below = pi.cumsum(1) < torch.from_numpy(u)
+    return below.sum(1, keepdim=True).clamp(max=NUM_ACTIONS - 1)
 
 
 @torch.no_grad()
@@ -178,9 +185,12 @@ def compute_returns(r: Rollout, gamma: float, gae_lambda: float) -> tuple[Tensor
 
 
 def losses(
-    r: Rollout, stage: Stage, hp: Hyperparameters
+    r: Rollout, stage: Stage, hp: Hyperparameters, moves: float | None = None
 ) -> tuple[Tensor, Tensor | None, dict[str, float]]:
-    """The policy's loss, the predictor's loss (None when frozen or absent), and figures to log."""
+    """The policy's loss, the predictor's loss (None when frozen or absent), and figures to log.
+
+    ``moves`` is the number of MoveAheads to average L_c over, when others share the update.
+    """
     returns, advantages = compute_returns(r, hp.gamma, hp.gae_lambda)
     policy = -(torch.stack(r.log_probability) * advantages).mean()
     value = F.mse_loss(torch.stack(r.value), returns)
@@ -189,7 +199,7 @@ def losses(
     figures = {"policy_loss": policy.item(), "value_loss": value.item(), "entropy": entropy.item()}
     collision = None
     if stage.train_predictor:  # Alg. 1: if E < E_1 and a_i = MoveAhead
-        flat = (torch.cat(x) for x in (r.collision_logit, r.collided, r.moved_ahead))
-        collision = collision_loss(*flat)
+        logit, collided = torch.cat(r.collision_logit), torch.cat(r.collided)
+        collision = collision_loss(logit, collided, torch.cat(r.moved_ahead), moves)
         figures["collision_loss"] = collision.item()
     return loss, collision, figures

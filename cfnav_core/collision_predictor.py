@@ -68,13 +68,16 @@ def _encoder(features: Sequence[int]) -> nn.Module:
     return nn.Sequential(nn.Conv2d(features[0], MAP_CHANNELS, 1), nn.ReLU())
 
 
-def collision_loss(logit: Tensor, collided: Tensor, moved_ahead: Tensor) -> Tensor:
+def collision_loss(
+    logit: Tensor, collided: Tensor, moved_ahead: Tensor, count: float | None = None
+) -> Tensor:
     """L_c: cross-entropy over the steps whose action was MoveAhead, their mean.
 
     Args:
         logit: float32 [N].
         collided: bool [N], p_t.
         moved_ahead: bool [N].
+        count: divide by this instead of one's own number of such steps.
 
     Returns:
         Scalar; 0 when no step moved ahead.
@@ -82,4 +85,5 @@ def collision_loss(logit: Tensor, collided: Tensor, moved_ahead: Tensor) -> Tens
     Source: Eq. 3.
     """
     each = F.binary_cross_entropy_with_logits(logit, collided.float(), reduction="none")
-    return (each * moved_ahead).sum() / moved_ahead.sum().clamp(min=1)
+    own = float(moved_ahead.sum()) if count is None else count
+    return (each * moved_ahead).sum() / max(own, 1.0)

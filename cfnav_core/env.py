@@ -178,10 +178,14 @@ class SceneBank:
             out[states, goal] = torch.from_numpy(metres).float()
         return out
 
-    def sample(self, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Draw n episodes: start states int64 [n], goals int64 [n]; tasks, then starts, uniform."""
-        k = rng.integers(len(self.tasks.goal), size=n)
-        start = self.tasks.first[k] + rng.integers(self.tasks.count[k])
+    def sample(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Draw n episodes: start states int64 [n], goals int64 [n]; tasks, then starts, uniform.
+
+        Args:
+            u: float64 [n, 2], uniform in [0, 1).
+        """
+        k = (u[:, 0] * len(self.tasks.goal)).astype(np.int64)
+        start = self.tasks.first[k] + (u[:, 1] * self.tasks.count[k]).astype(np.int64)
         return self.tasks.starts[start], self.tasks.goal[k]
 
 
@@ -202,25 +206,47 @@ class StepResult:
     truncated: Tensor
 
 
+@dataclass(frozen=True)
+class Part:
+    """The episodes first..first+batch of ``of`` that run at once, on all ranks together.
+
+    Randomness is drawn for all of them and everybody takes their own, so that an episode is the
+    same whoever runs it.
+    """
+
+    first: int
+    batch: int
+    of: int
+
+    def rows(self, all_rows: np.ndarray) -> np.ndarray:
+        """One's own of what was drawn for all."""
+        return all_rows[self.first : self.first + self.batch]
+
+
 class ObjectNavEnv:
     """B parallel episodes that restart by themselves.
 
     Args:
         bank: the scenes.
-        batch: B.
-        rng: source of all randomness.
+        batch: B, or one's part of all episodes.
+        rng: source of all randomness, the same for everybody who runs a part.
     """
 
-    def __init__(self, bank: SceneBank, batch: int, rng: np.random.Generator) -> None:
-        self.bank, self.batch, self.rng = bank, batch, rng
+    def __init__(self, bank: SceneBank, batch: int | Part, rng: np.random.Generator) -> None:
+        self.bank, self.rng = bank, rng
+        self.part = batch if isinstance(batch, Part) else Part(0, batch, batch)
+        self.batch = self.part.batch
         as_tensor = torch.from_numpy
         self._room = as_tensor(bank.room)
         self._next, self._visible = as_tensor(bank.next_state), as_tensor(bank.visible)
         self._collided, self._limit = as_tensor(bank.collided), as_tensor(bank.step_limit)
-        states, goals = bank.sample(rng, batch)
+        states, goals = bank.sample(self._draw())
         self.state, self.goal = as_tensor(states), as_tensor(goals)
-        self.steps = torch.zeros(batch, dtype=torch.int64)
-        self.collisions = torch.zeros(batch, dtype=torch.int64)
+        self.steps = torch.zeros(self.batch, dtype=torch.int64)
+        self.collisions = torch.zeros(self.batch, dtype=torch.int64)
+
+    def _draw(self) -> np.ndarray:
+        return self.part.rows(self.rng.random((self.part.of, 2)))
 
     def observe(self) -> tuple[Tensor, Tensor]:
         """``SceneBank.observe`` of the present states."""
@@ -272,10 +298,10 @@ class ObjectNavEnv:
         )  # fmt: skip
 
     def restart(self, ended: Tensor) -> None:
-        """Begin new episodes where ``ended`` (bool [B])."""
-        index = ended.nonzero().squeeze(1)
+        """Begin new episodes where ``ended`` (bool [B]); to be called after every step."""
+        u, index = self._draw(), ended.nonzero().squeeze(1)
         if len(index):
-            states, goals = self.bank.sample(self.rng, len(index))
+            states, goals = self.bank.sample(u[ended.numpy()])
             self.state = self.state.index_copy(0, index, torch.from_numpy(states))
             self.goal = self.goal.index_copy(0, index, torch.from_numpy(goals))
             self.steps = self.steps.index_fill(0, index, 0)

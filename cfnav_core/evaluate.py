@@ -39,7 +39,7 @@ class Episodes:
     @classmethod
     def draw(cls, bank: SceneBank, count: int, seed: int) -> Episodes:
         """Draw episodes, rooms and goals uniform, from a seed alone."""
-        return cls(*bank.sample(np.random.default_rng(seed), count))
+        return cls(*bank.sample(np.random.default_rng(seed).random((count, 2))))
 
     def identity(self, bank: SceneBank) -> str:
         """First 16 hex digits of a SHA-256 over scene names, starts and goals."""

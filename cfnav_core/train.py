@@ -33,6 +33,7 @@ from cfnav_core.methods import METHODS
 from cfnav_core.metrics import cf_sr, sr
 from cfnav_core.models import Knowledge
 from cfnav_core.networks import TorchNetworks
+from cfnav_core.ranks import Ranks
 
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
 
@@ -54,6 +55,7 @@ class Run:
             raise ValueError(f"found rooms in both training and validation: {sorted(shared)}")
         config = options.run
         self.options, self.hp = options, config.hyperparameters
+        self.ranks = Ranks.join()
         self.method = METHODS[config.method]
         self.bank = SceneBank.load(options.scenes, train_rooms)
         self.validation = SceneBank.load(options.scenes, validation_rooms)
@@ -136,10 +138,11 @@ class Run:
             self.method.stage1 if self.episodes < self.hp.stage1_episodes else self.method.stage2
         )
         memory.detach()
-        rollout = collect_rollout(
-            env, self.agent, memory, stage, self.hp.rollout_length, generator
-        )
-        loss, collision, figures = losses(rollout, stage, self.hp)
+        rollout = collect_rollout(env, self.agent, memory, stage, self.hp.rollout_length, generator)
+        moved = sum(int(m.sum()) for m in rollout.moved_ahead)
+        counts = (rollout.episodes, rollout.successes, rollout.collision_free, rollout.collisions)
+        moves, *summed = self.ranks.total(moved, *counts)
+        loss, collision, figures = losses(rollout, stage, self.hp, max(moves, 1) / self.ranks.size)
         for group in self.optimizer.param_groups:
             group["lr"] = self.learning_rate()
         learned = [self.optimizer]
@@ -152,12 +155,13 @@ class Run:
         loss.backward()
         for optimizer in learned:
             parameters = optimizer.param_groups[0]["params"]
+            self.ranks.average(parameters)
             torch.nn.utils.clip_grad_norm_(parameters, self.hp.max_grad_norm)
             optimizer.step()
-        self.episodes += rollout.episodes
-        self.steps += env.batch * self.hp.rollout_length
-        figures |= {k: getattr(rollout, k) for k in ("successes", "collision_free", "collisions")}
-        return figures | {"ended": rollout.episodes}
+        self.episodes += int(summed[0])
+        self.steps += self.hp.batch * self.hp.rollout_length
+        names = ("ended", "successes", "collision_free", "collisions")
+        return figures | dict(zip(names, summed, strict=True))
 
 
 def train(
@@ -170,9 +174,12 @@ def train(
     run.resume()
     rng = np.random.default_rng([options.run.seed, run.episodes])
     generator = torch.Generator().manual_seed(options.run.seed * 7_919 + run.episodes)
-    env = ObjectNavEnv(run.bank, run.hp.batch, rng)
+    env = ObjectNavEnv(run.bank, run.ranks.part(run.hp.batch), rng)
     memory = Memory.zeros(env, run.agent)
-    bar = tqdm(total=run.total, initial=run.episodes, unit="episode", mininterval=5)
+    leads = run.ranks.leads
+    bar = tqdm(
+        total=run.total, initial=run.episodes, unit="episode", mininterval=5, disable=not leads
+    )
     saved = time.monotonic()
     sums: dict[str, float] = {}
     next_validation = run.episodes + options.validation_every
@@ -184,6 +191,8 @@ def train(
         sums["updates"] = sums.get("updates", 0) + 1
         sums["steps"] = sums.get("steps", 0) + run.steps - first_step
         bar.update(run.episodes - before)
+        if not leads:
+            continue
         if in_stage1 and run.episodes >= run.hp.stage1_episodes:
             run.save(STAGE1)
         if run.episodes >= next_validation or run.episodes >= run.total:
@@ -193,8 +202,11 @@ def train(
         if time.monotonic() - saved > options.checkpoint_s:
             run.save(CHECKPOINT)
             saved = time.monotonic()
-    run.save(CHECKPOINT)
+    if leads:
+        run.save(CHECKPOINT)
     bar.close()
+    run.ranks.wait()
+    run.ranks.leave()
     return options.out / BEST
 
 

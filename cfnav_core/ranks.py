@@ -1,0 +1,90 @@
+"""One run on several processes (``torchrun``): each runs its part of the episodes.
+
+All ranks hold the same weights and draw the same random numbers; they take their own rows of them,
+sum what they count and average their gradients. So N ranks do what one rank with all the episodes
+does, up to the rounding of sums.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import torch
+import torch.distributed as dist
+from torch import Tensor
+
+from cfnav_core.env import Part
+
+
+@dataclass(frozen=True)
+class Ranks:
+    """This process among those of the run.
+
+    Attributes:
+        rank: 0 saves, validates and logs.
+        size: number of processes.
+    """
+
+    rank: int = 0
+    size: int = 1
+
+    @classmethod
+    def join(cls) -> Ranks:
+        """Meet the other processes when ``torchrun`` started this one; alone otherwise."""
+        if "TORCHELASTIC_RUN_ID" not in os.environ:
+            return cls()
+        if not dist.is_initialized():
+            dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+        return cls(dist.get_rank(), dist.get_world_size())
+
+    @property
+    def leads(self) -> bool:
+        """Whether this one speaks for all."""
+        return self.rank == 0
+
+    def part(self, batch: int) -> Part:
+        """One's share of ``batch`` parallel episodes.
+
+        Raises:
+            ValueError: they cannot be shared evenly.
+        """
+        if batch % self.size:
+            raise ValueError(
+                f"found {batch} parallel episodes for {self.size} processes, expected a multiple; "
+                "change --run.hyperparameters.batch or --nproc-per-node"
+            )
+        own = batch // self.size
+        return Part(self.rank * own, own, batch)
+
+    def total(self, *counts: float) -> list[float]:
+        """Sum numbers over all processes."""
+        if self.size == 1:
+            return list(counts)
+        sums = torch.tensor(counts, dtype=torch.float64)
+        dist.all_reduce(sums)
+        return sums.tolist()
+
+    def average(self, parameters: Iterable[Tensor]) -> None:
+        """Average gradients over all processes."""
+        if self.size == 1:
+            return
+        gradients = [p.grad for p in parameters if p.grad is not None]
+        flat = torch.cat([g.flatten() for g in gradients])
+        dist.all_reduce(flat)
+        flat /= self.size
+        for gradient, mean in zip(
+            gradients, flat.split([g.numel() for g in gradients]), strict=True
+        ):
+            gradient.copy_(mean.view_as(gradient))
+
+    def wait(self) -> None:
+        """Until everybody is here."""
+        if self.size > 1:
+            dist.barrier()
+
+    def leave(self) -> None:
+        """At the end of the run."""
+        if self.size > 1:
+            dist.destroy_process_group()
