@@ -14,7 +14,7 @@ import tyro
 from cfnav_core.bundle import BundleHead, shipped_bundle
 from cfnav_core.config import Rooms, TrainOptions
 from cfnav_core.data_cli import Data
-from cfnav_core.evaluate import evaluate_bundle, paired_difference, write_json
+from cfnav_core.json_file import write_json
 from cfnav_core.rooms import parse_rooms
 
 
@@ -43,6 +43,9 @@ class Evaluate:
 
     def run_command(self) -> None:
         """Evaluate and print."""
+        # scenes are read into torch tensors, and a robot has no torch
+        from cfnav_core.evaluate import evaluate_bundle, paired_difference
+
         rooms = parse_rooms(self.rooms) or None
         arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, rooms)
         first = evaluate_bundle(self.bundle, *arguments)

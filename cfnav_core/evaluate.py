@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from cfnav_core import metrics
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.bundle import BundleHead
 from cfnav_core.env import SceneBank
-from cfnav_core.metrics import EpisodeResult, bootstrap_interval
+from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_core.networks import Networks, OnnxNetworks, Sight
 from cfnav_core.perception import Perception
 from cfnav_core.scene import SceneError
@@ -101,18 +100,6 @@ def run_episodes(
     ]
 
 
-def figures(results: list[EpisodeResult], rooms: np.ndarray) -> dict[str, Any]:
-    """SR, SPL, CF-SR, CF-SPL, collisions an episode, and the 95 % interval of CF-SR over rooms."""
-    return {
-        "episodes": len(results),
-        "sr": metrics.sr(results), "spl": metrics.spl(results),
-        "cf_sr": metrics.cf_sr(results), "cf_spl": metrics.cf_spl(results),
-        "cf_sr_interval": bootstrap_interval(np.array([r.cf_success for r in results]), rooms),
-        "collisions_per_episode": float(np.mean([r.collisions for r in results])),
-        "steps_per_episode": float(np.mean([r.path_length for r in results])),
-    }  # fmt: skip
-
-
 @dataclass(frozen=True)
 class Evaluation:
     """Results of one bundle on one set of frozen episodes."""
@@ -190,11 +177,3 @@ def paired_difference(a: Evaluation, b: Evaluation) -> dict[str, Any]:
         "cf_sr_difference": float(difference.mean()),
         "interval": bootstrap_interval(difference, a.rooms),
     }
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write figures, making the folder; the file appears only when complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(json.dumps(content, indent=1, default=asdict) + "\n")
-    partial.replace(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,23 @@ def cf_sr(episodes: Sequence[EpisodeResult]) -> float:
 def cf_spl(episodes: Sequence[EpisodeResult]) -> float:
     """Collision-free success weighted by path length. Source: Section III."""
     return _mean([e.cf_success * e.efficiency for e in episodes])
+
+
+def figures(results: Sequence[EpisodeResult], rooms: np.ndarray) -> dict[str, Any]:
+    """SR, SPL, CF-SR, CF-SPL, collisions an episode, and the 95 % interval of CF-SR over rooms.
+
+    Args:
+        results: N episodes.
+        rooms: [N], names or numbers of their rooms.
+    """
+    return {
+        "episodes": len(results),
+        "sr": sr(results), "spl": spl(results),
+        "cf_sr": cf_sr(results), "cf_spl": cf_spl(results),
+        "cf_sr_interval": bootstrap_interval(np.array([r.cf_success for r in results]), rooms),
+        "collisions_per_episode": float(np.mean([r.collisions for r in results])),
+        "steps_per_episode": float(np.mean([r.path_length for r in results])),
+    }  # fmt: skip
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -25,7 +25,10 @@ ROS |= {"rosgraph_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "action_msgs", "
 ROS_FILES = {"mock_turtlebot4.py", "conversions.py", "parameters.py", "graph.py", "recorder.py"}
 ROS_FILES |= {"bench.py"}
 # A robot needs none of these: only what trains or exports may import torch.
-TORCH_FREE = ("cfnav_core.policy", "cfnav_core.perception", "cfnav_core.bundle", "sim_bridge.world")
+TORCH_FREE = (
+    "cfnav_core.policy", "cfnav_core.perception", "cfnav_core.bundle", "cfnav_core.cli",
+    "cfnav_core.metrics", "sim_bridge.world",
+)  # fmt: skip
 
 LOAD = """
 import importlib, json, sys

@@ -6,7 +6,6 @@ Needs no ROS. What counts is written in ``outcome.py``; the figures over episode
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -16,6 +15,7 @@ from typing import Annotated
 import tyro
 
 from cfnav_core import metrics
+from cfnav_core.json_file import write_json
 from cfnav_ros.bag_reader import BagError, read_events
 from cfnav_ros.outcome import Episode, Outcome, split_episodes
 
@@ -79,7 +79,7 @@ def evaluate(
     print("  ".join(f"{name} {value:.3f}" for name, value in result.items()))
     if json_file:
         rows = [asdict(outcome) for outcome in outcomes]
-        json_file.write_text(json.dumps({"episodes": rows, **result}, indent=2) + "\n")
+        write_json(json_file, {"episodes": rows, **result})
 
 
 def main() -> None:

@@ -7,7 +7,6 @@ are those of this machine at this moment, and its load stands beside them.
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shlex
@@ -31,6 +30,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, LaserScan
 
 from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.json_file import write_json
 from cfnav_ros import conversions
 from cfnav_ros.demo import DemoConfig, commit, known_goals, plan, run_to_exit
 from cfnav_ros.graph import Graph, GraphConfig
@@ -292,10 +292,7 @@ def run_bench(config: BenchConfig, arguments: Sequence[str]) -> dict[str, Any]:
         "commit": commit(),
         "command": shlex.join(["python", "-m", "cfnav_ros.bench", *arguments]),
     }
-    # Under another name first: a file of this name is always whole.
-    partial = config.out / "live.json.partial"
-    partial.write_text(json.dumps(report, indent=2) + "\n")
-    os.replace(partial, config.out / "live.json")
+    write_json(config.out / "live.json", report)
     return report
 
 

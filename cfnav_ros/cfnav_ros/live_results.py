@@ -14,8 +14,8 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from cfnav_core.evaluate import figures, write_json
-from cfnav_core.metrics import EpisodeResult, bootstrap_interval
+from cfnav_core.json_file import write_json
+from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_ros.plan import Trial
 from cfnav_ros.trials import CONDITIONS, read_rows
 
