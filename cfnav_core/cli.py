@@ -15,7 +15,6 @@ from cfnav_core.bundle import BundleHead, shipped_bundle
 from cfnav_core.config import Rooms, TrainOptions
 from cfnav_core.data_cli import Data
 from cfnav_core.json_file import write_json
-from cfnav_core.rooms import parse_rooms
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Evaluate:
     seed: int = 0
     """Draws starts and goals."""
     rooms: Rooms = ()
-    """TYPE:SEED or TYPE:FIRST-LAST; every scene of the folder when absent."""
+    """TYPE:SEED or TYPE:FIRST-LAST; names or splits of a store; every scene when absent."""
     sample: bool = False
     """Sample actions instead of taking the most probable one."""
     p_hat: Literal["own", "true", "zero"] = "own"
@@ -46,8 +45,7 @@ class Evaluate:
         # scenes are read into torch tensors, and a robot has no torch
         from cfnav_core.evaluate import evaluate_bundle, paired_difference
 
-        rooms = parse_rooms(self.rooms) or None
-        arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, rooms)
+        arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, self.rooms)
         first = evaluate_bundle(self.bundle, *arguments)
         content: dict[str, Any] = {
             "bundle": str(self.bundle), "command": shlex.join(["cfnav", *sys.argv[1:]]),
@@ -126,7 +124,7 @@ class Train(TrainOptions):
         # a robot has no torch, so it is imported only here
         from cfnav_core.train import train
 
-        best = train(self, parse_rooms(self.train_rooms), parse_rooms(self.validation_rooms))
+        best = train(self)
         print(f"best checkpoint by validation: {best}")
 
 

@@ -8,6 +8,7 @@ collision. Done ends the episode, with success when the goal is visible; so does
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +22,7 @@ from cfnav_core.actions import Action
 from cfnav_core.models import Inputs
 from cfnav_core.reward import StepFacts
 from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scenes import open_scenes
 from cfnav_core.vocabulary import ROOM_TYPES
 
 STEP_LIMIT = 100
@@ -146,17 +148,14 @@ class SceneBank:
         return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
 
     @classmethod
-    def load(cls, folder: Path, rooms: list[tuple[str, int]] | None = None) -> SceneBank:
-        """Open the scenes below a folder, all of them or the named (type, seed) rooms.
+    def load(cls, folder: Path, rooms: Sequence[str] = ()) -> SceneBank:
+        """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
+            ValueError: rooms that cannot be read.
         """
-        if rooms is None:
-            paths = sorted(p.parent for p in folder.glob("*/scene.json"))
-        else:
-            paths = [folder / f"{kind}_{seed:05d}" for kind, seed in rooms]
-        return cls([OfflineScene.load(p) for p in paths])
+        return cls(open_scenes(folder, rooms))
 
     @property
     def inputs(self) -> Inputs:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -141,7 +142,7 @@ def _cf_sr_of(results: list[EpisodeResult], chosen: np.ndarray) -> dict[str, flo
 
 def evaluate_bundle(
     bundle: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
-    p_hat: str = "own", rooms: list[tuple[str, int]] | None = None,
+    p_hat: str = "own", rooms: Sequence[str] = (),
 ) -> Evaluation:  # fmt: skip
     """Run a bundle on frozen episodes.
 

@@ -30,7 +30,6 @@ from gymnasium.vector.utils import batch_space
 from cfnav_core.actions import NUM_ACTIONS
 from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.reward import nav_reward, total_reward
-from cfnav_core.rooms import parse_rooms
 from cfnav_core.vocabulary import ROOM_TYPES
 
 ID = "cfnav/ObjectNav-v0"
@@ -42,7 +41,7 @@ class _Episodes:
     def __init__(
         self, scenes: Path | str, rooms: Sequence[str], batch: int, collision_penalty: float
     ) -> None:
-        self.bank = SceneBank.load(Path(scenes), parse_rooms(rooms) or None)
+        self.bank = SceneBank.load(Path(scenes), rooms)
         self.batch, self.penalty = batch, collision_penalty
         inputs, everything = self.bank.inputs, (-np.inf, np.inf)
         self.space = spaces.Dict({

@@ -34,6 +34,7 @@ from cfnav_core.metrics import cf_sr, sr
 from cfnav_core.models import Knowledge
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.ranks import Ranks
+from cfnav_core.scenes import scene_names
 
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
 
@@ -46,19 +47,17 @@ class Run:
         CheckpointError: an existing checkpoint belongs to another configuration.
     """
 
-    def __init__(
-        self, options: TrainOptions, train_rooms: list[tuple[str, int]],
-        validation_rooms: list[tuple[str, int]],
-    ) -> None:  # fmt: skip
-        shared = set(train_rooms) & set(validation_rooms)
+    def __init__(self, options: TrainOptions) -> None:
+        rooms = (options.train_rooms, options.validation_rooms)
+        shared = set.intersection(*(set(scene_names(options.scenes, r)) for r in rooms))
         if shared:
             raise ValueError(f"found rooms in both training and validation: {sorted(shared)}")
         config = options.run
         self.options, self.hp = options, config.hyperparameters
         self.ranks = Ranks.join()
         self.method = METHODS[config.method]
-        self.bank = SceneBank.load(options.scenes, train_rooms)
-        self.validation = SceneBank.load(options.scenes, validation_rooms)
+        self.bank = SceneBank.load(options.scenes, options.train_rooms)
+        self.validation = SceneBank.load(options.scenes, options.validation_rooms)
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
         torch.manual_seed(config.seed)
         objects, perception = self.bank.objects, self.bank.perception
@@ -164,13 +163,10 @@ class Run:
         return figures | dict(zip(names, summed, strict=True))
 
 
-def train(
-    options: TrainOptions, train_rooms: list[tuple[str, int]],
-    validation_rooms: list[tuple[str, int]],
-) -> Path:  # fmt: skip
+def train(options: TrainOptions) -> Path:
     """Run both stages; returns the best checkpoint of stage two by validation CF-SR."""
     torch.set_num_threads(options.threads)
-    run = Run(options, train_rooms, validation_rooms)
+    run = Run(options)
     run.resume()
     rng = np.random.default_rng([options.run.seed, run.episodes])
     generator = torch.Generator().manual_seed(options.run.seed * 7_919 + run.episodes)

@@ -12,9 +12,9 @@ import tyro
 
 from cfnav_core import words
 from cfnav_core.config import Rooms
-from cfnav_core.rooms import parse_rooms
 from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.store import HEAD, StoreHead, open_store
+from cfnav_core.scenes import open_scenes
+from cfnav_core.store import HEAD
 from cfnav_core.words import glove
 
 SHIPPED = "shipped"
@@ -78,12 +78,8 @@ def training_scenes(folder: Path, rooms: Sequence[str]) -> list[OfflineScene]:
     Raises:
         SceneError: there are none, or one is missing or damaged.
     """
-    if (folder / HEAD).exists():
-        scenes = open_store(folder, list(rooms) or StoreHead.load(folder).names("train"))
-    elif rooms:
-        scenes = [OfflineScene.load(folder / f"{k}_{n:05d}") for k, n in parse_rooms(rooms)]
-    else:
-        raise SceneError("found no --rooms; name the training rooms, for example kitchen:0-19")
-    if not scenes:
-        raise SceneError(f"found no training scenes in {folder}; name some with --rooms")
-    return scenes
+    if not rooms:
+        if not (folder / HEAD).exists():
+            raise SceneError("found no --rooms; name the training rooms, for example kitchen:0-19")
+        rooms = ("train",)
+    return open_scenes(folder, rooms)

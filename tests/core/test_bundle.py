@@ -31,7 +31,8 @@ from .worlds import hall
 
 SMALL = RunConfig(
     hyperparameters=Hyperparameters(stage1_episodes=300, stage2_episodes=300, batch=32),
-    size=ModelSize(hidden=32), predictor_hidden=16,
+    size=ModelSize(hidden=32),
+    predictor_hidden=16,
 )
 
 
@@ -49,7 +50,7 @@ def made(tmp_path_factory) -> Path:
         root / "scenes", ("kitchen:0",), ("kitchen:1",), root / "run", run=SMALL,
         validation_every=200, validation_episodes=20,
     )  # fmt: skip
-    best = train(options, [("kitchen", 0)], [("kitchen", 1)])
+    best = train(options)
     export_bundle(best, root / "perception.onnx", root / "bundle", "test")
     return root
 

@@ -28,7 +28,7 @@ def test_gymnasium_accepts_it(scenes):
 
 def test_an_episode_by_the_tables(scenes):
     env = gymnasium.make(NAME, scenes=scenes, rooms=("kitchen:0",), collision_penalty=-0.5)
-    bank = SceneBank.load(scenes, [("kitchen", 0)])
+    bank = SceneBank.load(scenes, ["kitchen:0"])
     seen, info = env.reset(seed=3)
     inner = env.unwrapped._episodes.env
     goal, total, actions = int(seen["goal"]), 0.0, 0

@@ -16,7 +16,6 @@ from cfnav_core.train import BEST, CHECKPOINT, STAGE1, Run, train
 from .worlds import hall
 
 ROOMS = (("kitchen:0",), ("kitchen:1",))
-PARSED = ([("kitchen", 0)], [("kitchen", 1)])
 
 
 @pytest.fixture
@@ -38,7 +37,7 @@ def options(scenes: Path, method: str, e1: int, e2: int, **kw) -> TrainOptions:
 def test_learns_a_small_hall_and_collides_less(scenes):
     """Same hall for training and validation: CF-SR must rise far above where it began."""
     chosen = options(scenes, "ours", 3000, 2500)
-    best = train(chosen, *PARSED)
+    best = train(chosen)
     log = [json.loads(line) for line in (chosen.out / "log.jsonl").read_text().splitlines()]
     assert log[0]["cf_sr"] < 0.25
     assert log[-1]["cf_sr"] > log[0]["cf_sr"] + 0.4
@@ -46,7 +45,7 @@ def test_learns_a_small_hall_and_collides_less(scenes):
     assert stage1[-1]["collision_loss"] < stage1[0]["collision_loss"]
     assert log[-1]["collisions_per_episode"] < stage1[-1]["collisions_per_episode"]
     assert "collision_loss" not in log[-1]
-    run = Run(chosen, *PARSED)
+    run = Run(chosen)
     run.resume()
     bank = SceneBank.load(scenes, PARSED[0])
     episodes = Episodes.draw(bank, 200, 0)
@@ -57,9 +56,9 @@ def test_learns_a_small_hall_and_collides_less(scenes):
 
 def test_stage_one_is_shared_and_the_predictor_frozen_after_it(scenes):
     first = options(scenes, "ours", 300, 200)
-    train(first, *PARSED)
+    train(first)
     other = options(scenes, "stage_only", 300, 200, stage1=first.out / STAGE1)
-    train(other, *PARSED)
+    train(other)
     at_stage1, _ = load_tensors(first.out / STAGE1)
     for folder in (first.out, other.out):
         at_end, head = load_tensors(folder / CHECKPOINT)
@@ -80,7 +79,7 @@ def test_damaged_checkpoint_says_so(scenes):
     chosen.out.mkdir(parents=True)
     (chosen.out / CHECKPOINT).write_bytes(b"\0" * 100)
     with pytest.raises(CheckpointError, match="delete it"):
-        train(chosen, *PARSED)
+        train(chosen)
 
 
 def test_killed_run_goes_on(scenes):

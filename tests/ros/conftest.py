@@ -182,8 +182,8 @@ def synthetic_bag(tmp_path: Path) -> Callable[[], SyntheticBag]:
 def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle of real networks, set by hand: MoveAhead six times whatever it sees, then Done."""
     torch = pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
-    from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
     from cfnav_core.agent import new_agent
+    from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
     from cfnav_core.config import ModelSize, RunConfig
     from cfnav_core.export import export_networks
     from cfnav_core.models import Inputs, Knowledge
