@@ -50,6 +50,5 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
         )
     if (folder / HEAD).exists():
         return open_store(folder, names)
-    return [
-        OfflineScene.load(folder / f"{n.split(':')[0]}_{int(n.split(':')[1]):05d}") for n in names
-    ]
+    rooms_on_disk = (name.split(":") for name in names)
+    return [OfflineScene.load(folder / f"{kind}_{int(seed):05d}") for kind, seed in rooms_on_disk]

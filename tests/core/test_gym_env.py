@@ -56,7 +56,8 @@ def test_a_blocked_move_costs_the_penalty(scenes):
     assert reward == pytest.approx(-0.51)
     assert info["collided"]
     assert info["collisions"] == 1
-    assert not (terminated or truncated)
+    assert not terminated
+    assert not truncated
 
 
 def test_a_vector_restarts_in_the_same_step(scenes):

@@ -32,8 +32,8 @@ def test_two_ranks_do_what_one_does(tmp_path):
     for seed in range(2):
         hall(4, 3, seed=seed, name=f"kitchen:{seed}").save(tmp_path / "s" / f"kitchen_{seed:05d}")
     train(tmp_path / "s", tmp_path / "one")
-    torchrun = ("-m", "torch.distributed.run", "--nproc-per-node", "2", "--master-addr", "127.0.0.1",
-                "--master-port", "0")  # fmt: skip
+    launcher = ("--nproc-per-node", "2", "--master-addr", "127.0.0.1", "--master-port", "0")
+    torchrun = ("-m", "torch.distributed.run", *launcher)
     train(tmp_path / "s", tmp_path / "two", *torchrun)
     (one, head), (two, other) = (
         load_tensors(tmp_path / name / CHECKPOINT) for name in ("one", "two")

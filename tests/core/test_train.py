@@ -47,7 +47,7 @@ def test_learns_a_small_hall_and_collides_less(scenes):
     assert "collision_loss" not in log[-1]
     run = Run(chosen)
     run.resume()
-    bank = SceneBank.load(scenes, PARSED[0])
+    bank = SceneBank.load(scenes, ["kitchen:0"])
     episodes = Episodes.draw(bank, 200, 0)
     networks = TorchNetworks(run.model, run.predictor, feeds=True)
     assert cf_sr(run_episodes(networks, bank, episodes)) > 0.6
