@@ -101,3 +101,5 @@ class TrainOptions:
     """Seconds between checkpoints."""
     threads: int = 1
     """CPU threads."""
+    workers: int = 0
+    """Asynchronous workers as in the paper (32 there); 0 is batched and synchronous."""

@@ -1,178 +1,103 @@
-"""One training run: stage one, stage two, checkpoints, validation, a log line as JSON.
+"""The training loop: rounds of Algorithm 1 with checkpoints, validation and a log line as JSON.
 
 ``train`` -> ``algorithm`` -> ``env`` is the whole stack.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
 import time
-from dataclasses import asdict
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 import torch
 from tqdm import tqdm
 
-from cfnav_core.agent import new_agent
 from cfnav_core.algorithm import Memory, collect_rollout, losses
-from cfnav_core.checkpoint import (
-    load_module,
-    load_tensors,
-    optimizer_tensors,
-    restore_optimizer,
-    save_tensors,
-)
 from cfnav_core.config import TrainOptions
-from cfnav_core.env import ObjectNavEnv, SceneBank
-from cfnav_core.evaluate import Episodes, run_episodes
-from cfnav_core.knowledge.files import load_knowledge
-from cfnav_core.methods import METHODS
-from cfnav_core.metrics import cf_sr, sr
-from cfnav_core.models import Knowledge
-from cfnav_core.networks import TorchNetworks
-from cfnav_core.ranks import Ranks
-from cfnav_core.scenes import scene_names
-
-CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
+from cfnav_core.env import ObjectNavEnv
+from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
+from cfnav_core.workers import Workers
 
 
-class Run:
-    """State of one training run.
+class Execution(Protocol):
+    """A way to carry out Algorithm 1."""
 
-    Raises:
-        SceneError: the scenes cannot be used.
-        CheckpointError: an existing checkpoint belongs to another configuration.
-    """
+    def round(self) -> dict[str, float]:
+        """Learn a little, advance ``Run.episodes`` and ``steps``, and say what happened.
 
-    def __init__(self, options: TrainOptions) -> None:
-        rooms = (options.train_rooms, options.validation_rooms)
-        shared = set.intersection(*(set(scene_names(options.scenes, r)) for r in rooms))
-        if shared:
-            raise ValueError(f"found rooms in both training and validation: {sorted(shared)}")
-        config = options.run
-        self.options, self.hp = options, config.hyperparameters
-        self.ranks = Ranks.join()
-        self.method = METHODS[config.method]
-        self.bank = SceneBank.load(options.scenes, options.train_rooms)
-        self.validation = SceneBank.load(options.scenes, options.validation_rooms)
-        self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
-        torch.manual_seed(config.seed)
-        objects, perception = self.bank.objects, self.bank.perception
-        known = options.knowledge and load_knowledge(options.knowledge, objects, perception)
-        self.knowledge = known or Knowledge()
-        self.agent = new_agent(config, self.bank.inputs, self.knowledge)
-        self.model, self.predictor = self.agent.model, self.agent.predictor
-        self.optimizer = torch.optim.Adam(self.model.parameters(), self.hp.lr, fused=True)
-        policy = {id(p) for p in self.model.parameters()}
-        own = [p for p in self.predictor.parameters() if id(p) not in policy]
-        self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
-        self.episodes, self.steps, self.best = 0, 0, -1.0
-        self.options.out.mkdir(parents=True, exist_ok=True)
+        Returns:
+            Sums: ended, successes, collision_free and collisions of episodes, updates, and losses
+            summed over updates.
+        """
+        ...
 
-    @property
-    def total(self) -> int:
-        """E_1 + E_2."""
-        return self.hp.stage1_episodes + self.hp.stage2_episodes
 
-    def resume(self) -> None:
-        """Go on from the run's own checkpoint, else from a given stage one, else from nothing."""
-        own = self.options.out / CHECKPOINT
-        source = own if own.exists() else self.options.stage1
-        if source is None:
-            return
-        tensors, head = load_tensors(source)
-        if head["perception"] != self.bank.perception:
-            raise ValueError(
-                f"found {source} trained with perception {head['perception']}, but the scenes have "
-                f"{self.bank.perception}; give scenes of the same perception"
-            )
-        load_module(source, "model", self.model, tensors)
-        load_module(source, "predictor", self.predictor, tensors)
-        restore_optimizer("optimizer", self.optimizer, tensors)
-        restore_optimizer("predictor_optimizer", self.predictor_optimizer, tensors)
-        self.episodes, self.steps = head["episodes"], head["steps"]
-        if source == own:
-            self.best = head["best"]
+class Synchronous:
+    """B episodes side by side; one update a round. Several processes share the episodes."""
 
-    def save(self, name: str) -> None:
-        """Write everything the run needs to go on."""
-        tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
-        tensors |= {f"predictor.{k}": v for k, v in self.predictor.state_dict().items()}
-        known = self.knowledge.arrays().items()
-        tensors |= {f"knowledge.{k}": torch.from_numpy(v) for k, v in known}
-        tensors |= optimizer_tensors("optimizer", self.optimizer)
-        tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
-        goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
-        save_tensors(self.options.out / name, tensors, {
-            "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
-            "best": self.best, "perception": self.bank.perception, "goals": goals,
-            "inputs": asdict(self.bank.inputs),
-            "commit": commit(), "train_rooms": self.options.train_rooms,
-            "validation_rooms": self.options.validation_rooms,
-        })  # fmt: skip
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        seed = run.options.run.seed
+        rng = np.random.default_rng([seed, run.episodes])
+        self.generator = torch.Generator().manual_seed(seed * 7_919 + run.episodes)
+        self.env = ObjectNavEnv(run.bank, run.ranks.part(run.hp.batch), rng)
+        self.memory = Memory.zeros(self.env, run.agent)
 
-    def learning_rate(self) -> float:
-        """Constant in stage one, falling linearly to a tenth during stage two."""
-        progress = (self.episodes - self.hp.stage1_episodes) / max(1, self.hp.stage2_episodes)
-        return self.hp.lr * (1 - 0.9 * min(max(progress, 0.0), 1.0))
-
-    def validate(self) -> dict[str, float]:
-        """SR and CF-SR on the frozen validation episodes, argmax."""
-        feeds = self.method.stage2.feed_prediction and self.episodes >= self.hp.stage1_episodes
-        networks = TorchNetworks(self.model, self.predictor, feeds)
-        results = run_episodes(networks, self.validation, self.frozen)
-        return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
-
-    def log(self, figures: dict[str, Any]) -> None:
-        """Append one line to log.jsonl."""
-        with (self.options.out / "log.jsonl").open("a") as file:
-            file.write(json.dumps(figures) + "\n")
-
-    def update(self, env: ObjectNavEnv, memory: Memory, generator: torch.Generator) -> dict:
-        """One round of Algorithm 1: roll out, gradients, step."""
-        stage = (
-            self.method.stage1 if self.episodes < self.hp.stage1_episodes else self.method.stage2
+    def round(self) -> dict[str, float]:
+        """Roll out, gradients, step."""
+        run, hp, ranks = self.run, self.run.hp, self.run.ranks
+        stage = run.stage
+        self.memory.detach()
+        r = collect_rollout(
+            self.env, run.agent, self.memory, stage, hp.rollout_length, self.generator
         )
-        memory.detach()
-        rollout = collect_rollout(env, self.agent, memory, stage, self.hp.rollout_length, generator)
-        moved = sum(int(m.sum()) for m in rollout.moved_ahead)
-        counts = (rollout.episodes, rollout.successes, rollout.collision_free, rollout.collisions)
-        moves, *summed = self.ranks.total(moved, *counts)
-        loss, collision, figures = losses(rollout, stage, self.hp, max(moves, 1) / self.ranks.size)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.learning_rate()
-        learned = [self.optimizer]
-        self.optimizer.zero_grad()
+        moved = sum(int(m.sum()) for m in r.moved_ahead)
+        counts = (r.episodes, r.successes, r.collision_free, r.collisions)
+        moves, *summed = ranks.total(moved, *counts)
+        loss, collision, figures = losses(r, stage, hp, max(moves, 1) / ranks.size)
+        for group in run.optimizer.param_groups:
+            group["lr"] = run.learning_rate()
+        learned = [run.optimizer]
+        run.optimizer.zero_grad()
         if collision is not None:
             # L_c reaches the policy only through an encoder that both share (Wu et al.)
-            learned.append(self.predictor_optimizer)
-            self.predictor_optimizer.zero_grad()
+            learned.append(run.predictor_optimizer)
+            run.predictor_optimizer.zero_grad()
             loss = loss + collision
         loss.backward()
         for optimizer in learned:
             parameters = optimizer.param_groups[0]["params"]
-            self.ranks.average(parameters)
-            torch.nn.utils.clip_grad_norm_(parameters, self.hp.max_grad_norm)
+            ranks.average(parameters)
+            torch.nn.utils.clip_grad_norm_(parameters, hp.max_grad_norm)
             optimizer.step()
-        self.episodes += int(summed[0])
-        self.steps += self.hp.batch * self.hp.rollout_length
+        run.episodes += int(summed[0])
+        run.steps += hp.batch * hp.rollout_length
         names = ("ended", "successes", "collision_free", "collisions")
-        return figures | dict(zip(names, summed, strict=True))
+        return figures | dict(zip(names, summed, strict=True)) | {"updates": 1}
 
 
 def train(options: TrainOptions) -> Path:
     """Run both stages; returns the best checkpoint of stage two by validation CF-SR."""
     torch.set_num_threads(options.threads)
     run = Run(options)
-    run.resume()
-    rng = np.random.default_rng([options.run.seed, run.episodes])
-    generator = torch.Generator().manual_seed(options.run.seed * 7_919 + run.episodes)
-    env = ObjectNavEnv(run.bank, run.ranks.part(run.hp.batch), rng)
-    memory = Memory.zeros(env, run.agent)
-    leads = run.ranks.leads
+    if options.workers:
+        workers = Workers(run)
+        execution: Execution = workers
+        running: AbstractContextManager[object] = workers
+    else:
+        run.resume()
+        execution, running = Synchronous(run), nullcontext()
+    with running:
+        _rounds(run, execution)
+    run.ranks.wait()
+    run.ranks.leave()
+    return options.out / BEST
+
+
+def _rounds(run: Run, execution: Execution) -> None:
+    options, leads = run.options, run.ranks.leads
     bar = tqdm(
         total=run.total, initial=run.episodes, unit="episode", mininterval=5, disable=not leads
     )
@@ -182,9 +107,8 @@ def train(options: TrainOptions) -> Path:
     while run.episodes < run.total:
         in_stage1 = run.episodes < run.hp.stage1_episodes
         before, first_step = run.episodes, run.steps
-        for key, value in run.update(env, memory, generator).items():
+        for key, value in execution.round().items():
             sums[key] = sums.get(key, 0.0) + value
-        sums["updates"] = sums.get("updates", 0) + 1
         sums["steps"] = sums.get("steps", 0) + run.steps - first_step
         bar.update(run.episodes - before)
         if not leads:
@@ -201,13 +125,10 @@ def train(options: TrainOptions) -> Path:
     if leads:
         run.save(CHECKPOINT)
     bar.close()
-    run.ranks.wait()
-    run.ranks.leave()
-    return options.out / BEST
 
 
 def _validate_and_log(run: Run, sums: dict[str, float], bar: tqdm) -> None:
-    ended, updates = max(1.0, sums["ended"]), sums["updates"]
+    ended, updates = max(1.0, sums["ended"]), max(1.0, sums["updates"])
     figures = {
         "episodes": run.episodes, "steps": run.steps,
         "sr": sums["successes"] / ended, "cf_sr": sums["collision_free"] / ended,
@@ -223,12 +144,3 @@ def _validate_and_log(run: Run, sums: dict[str, float], bar: tqdm) -> None:
     if run.episodes > run.hp.stage1_episodes and figures["validation_cf_sr"] > run.best:
         run.best = figures["validation_cf_sr"]
         run.save(BEST)
-
-
-def commit() -> str:
-    """Commit of the source tree, "unknown" outside a checkout."""
-    answer = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return answer.stdout.strip() or "unknown"

@@ -10,7 +10,7 @@ import torch
 
 from cfnav_core.checkpoint import load_tensors
 from cfnav_core.ranks import Ranks
-from cfnav_core.train import CHECKPOINT
+from cfnav_core.run import CHECKPOINT
 
 from .worlds import hall
 
@@ -32,8 +32,7 @@ def test_two_ranks_do_what_one_does(tmp_path):
     for seed in range(2):
         hall(4, 3, seed=seed, name=f"kitchen:{seed}").save(tmp_path / "s" / f"kitchen_{seed:05d}")
     train(tmp_path / "s", tmp_path / "one")
-    launcher = ("--nproc-per-node", "2", "--master-addr", "127.0.0.1", "--master-port", "0")
-    torchrun = ("-m", "torch.distributed.run", *launcher)
+    torchrun = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2")
     train(tmp_path / "s", tmp_path / "two", *torchrun)
     (one, head), (two, other) = (
         load_tensors(tmp_path / name / CHECKPOINT) for name in ("one", "two")

@@ -11,7 +11,8 @@ from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, run_episodes
 from cfnav_core.metrics import cf_sr
 from cfnav_core.networks import TorchNetworks
-from cfnav_core.train import BEST, CHECKPOINT, STAGE1, Run, train
+from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
+from cfnav_core.train import train
 
 from .worlds import hall
 

@@ -1,0 +1,141 @@
+"""State of one training run: networks, optimizers, checkpoints, validation, log."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from cfnav_core.agent import new_agent
+from cfnav_core.checkpoint import (
+    load_module,
+    load_tensors,
+    optimizer_tensors,
+    restore_optimizer,
+    save_tensors,
+)
+from cfnav_core.config import TrainOptions
+from cfnav_core.env import SceneBank
+from cfnav_core.evaluate import Episodes, run_episodes
+from cfnav_core.knowledge.files import load_knowledge
+from cfnav_core.methods import METHODS, Stage
+from cfnav_core.metrics import cf_sr, sr
+from cfnav_core.models import Knowledge
+from cfnav_core.networks import TorchNetworks
+from cfnav_core.ranks import Ranks
+from cfnav_core.scenes import scene_names
+
+CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
+
+
+class Run:
+    """State of one training run.
+
+    Raises:
+        SceneError: the scenes cannot be used.
+        CheckpointError: an existing checkpoint belongs to another configuration.
+    """
+
+    def __init__(self, options: TrainOptions) -> None:
+        rooms = (options.train_rooms, options.validation_rooms)
+        shared = set.intersection(*(set(scene_names(options.scenes, r)) for r in rooms))
+        if shared:
+            raise ValueError(f"found rooms in both training and validation: {sorted(shared)}")
+        config = options.run
+        self.options, self.hp = options, config.hyperparameters
+        self.ranks = Ranks.join()
+        self.method = METHODS[config.method]
+        self.bank = SceneBank.load(options.scenes, options.train_rooms)
+        self.validation = SceneBank.load(options.scenes, options.validation_rooms)
+        self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
+        torch.manual_seed(config.seed)
+        objects, perception = self.bank.objects, self.bank.perception
+        known = options.knowledge and load_knowledge(options.knowledge, objects, perception)
+        self.knowledge = known or Knowledge()
+        self.agent = new_agent(config, self.bank.inputs, self.knowledge)
+        self.model, self.predictor = self.agent.model, self.agent.predictor
+        self.optimizer = torch.optim.Adam(self.model.parameters(), self.hp.lr, fused=True)
+        policy = {id(p) for p in self.model.parameters()}
+        own = [p for p in self.predictor.parameters() if id(p) not in policy]
+        self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
+        self.episodes, self.steps, self.best = 0, 0, -1.0
+        self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
+        self.options.out.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def total(self) -> int:
+        """E_1 + E_2."""
+        return self.hp.stage1_episodes + self.hp.stage2_episodes
+
+    def resume(self) -> None:
+        """Go on from the run's own checkpoint, else from a given stage one, else from nothing."""
+        own = self.options.out / CHECKPOINT
+        source = own if own.exists() else self.options.stage1
+        if source is None:
+            return
+        tensors, head = load_tensors(source)
+        if head["perception"] != self.bank.perception:
+            raise ValueError(
+                f"found {source} trained with perception {head['perception']}, but the scenes have "
+                f"{self.bank.perception}; give scenes of the same perception"
+            )
+        load_module(source, "model", self.model, tensors)
+        load_module(source, "predictor", self.predictor, tensors)
+        restore_optimizer("optimizer", self.optimizer, tensors)
+        restore_optimizer("predictor_optimizer", self.predictor_optimizer, tensors)
+        self.episodes, self.steps = head["episodes"], head["steps"]
+        if source == own:
+            self.best = head["best"]
+
+    def save(self, name: str) -> None:
+        """Write everything the run needs to go on."""
+        tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
+        tensors |= {f"predictor.{k}": v for k, v in self.predictor.state_dict().items()}
+        known = self.knowledge.arrays().items()
+        tensors |= {f"knowledge.{k}": torch.from_numpy(v) for k, v in known}
+        tensors |= optimizer_tensors("optimizer", self.optimizer)
+        tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
+        goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
+        save_tensors(self.options.out / name, tensors, {
+            "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
+            "best": self.best, "perception": self.bank.perception, "goals": goals,
+            "inputs": asdict(self.bank.inputs),
+            "commit": self.commit, "train_rooms": self.options.train_rooms,
+            "validation_rooms": self.options.validation_rooms,
+        })  # fmt: skip
+
+    def learning_rate(self) -> float:
+        """Constant in stage one, falling linearly to a tenth during stage two."""
+        progress = (self.episodes - self.hp.stage1_episodes) / max(1, self.hp.stage2_episodes)
+        return self.hp.lr * (1 - 0.9 * min(max(progress, 0.0), 1.0))
+
+    def validate(self) -> dict[str, float]:
+        """SR and CF-SR on the frozen validation episodes, argmax."""
+        feeds = self.method.stage2.feed_prediction and self.episodes >= self.hp.stage1_episodes
+        networks = TorchNetworks(self.model, self.predictor, feeds)
+        results = run_episodes(networks, self.validation, self.frozen)
+        return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
+
+    def log(self, figures: dict[str, Any]) -> None:
+        """Append one line to log.jsonl."""
+        with (self.options.out / "log.jsonl").open("a") as file:
+            file.write(json.dumps(figures) + "\n")
+
+    @property
+    def stage(self) -> Stage:
+        """Alg. 1: stage one while E < E_1, stage two from then on."""
+        first = self.episodes < self.hp.stage1_episodes
+        return self.method.stage1 if first else self.method.stage2
+
+
+def commit() -> str:
+    """Commit of the source tree, "unknown" outside a checkout."""
+    answer = subprocess.run(
+        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return answer.stdout.strip() or "unknown"
