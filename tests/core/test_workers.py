@@ -63,9 +63,9 @@ def test_every_worker_steps_the_same_weights(options):
 
 
 def test_a_dead_worker_ends_the_run(options):
-    workers = Workers(Run(options))
-    with pytest.raises(RuntimeError, match="worker 0 ended with code -9"), workers:
+    with Workers(Run(options)) as workers:
         workers.processes[0].kill()
         workers.processes[0].join()
-        workers.round()
+        with pytest.raises(RuntimeError, match="worker 0 ended with code -9"):
+            workers.round()
     assert all(process.exitcode is not None for process in workers.processes)
