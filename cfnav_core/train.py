@@ -66,6 +66,7 @@ class Run:
         self.validation = SceneBank.load(options.scenes, validation_rooms)
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
         self.episodes, self.steps, self.best = 0, 0, -1.0
+        self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.options.out.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -103,7 +104,7 @@ class Run:
         save_tensors(self.options.out / name, tensors, {
             "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
             "best": self.best, "perception": self.bank.perception, "goals": goals,
-            "commit": commit(), "train_rooms": self.options.train_rooms,
+            "commit": self.commit, "train_rooms": self.options.train_rooms,
             "validation_rooms": self.options.validation_rooms,
         })  # fmt: skip
 
