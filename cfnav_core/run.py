@@ -64,6 +64,7 @@ class Run:
         self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
         self.episodes, self.steps, self.best = 0, 0, -1.0
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
+        self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.options.out.mkdir(parents=True, exist_ok=True)
 
     @property

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 import torch
 from torch import nn
 
 from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.agent import Agent
 from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
 from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.export import export_networks
+from cfnav_core.models import Inputs, Knowledge, NavModel
 from cfnav_core.perception import FEATURES
 from cfnav_core.perception_net import PerceptionNet, export_perception
+from cfnav_core.reward import REWARDS, RewardTables
+from cfnav_core.vocabulary import CATEGORIES
 
 
-class ActionTable(nn.Module):
+class ActionTable(NavModel):
     """Logits from a table of previous actions, with a small share of what is seen."""
 
-    hidden = 8
+    state_shapes: ClassVar = {"h": (8,), "c": (8,)}
 
     def __init__(self, names):
         super().__init__()
@@ -27,14 +32,15 @@ class ActionTable(nn.Module):
         for before, after in zip([NUM_ACTIONS, *actions], [*actions, actions[-1]], strict=True):
             table[before, after] = 6.0
         self.register_buffer("table", table)
-        self.seen = nn.Linear(FEATURES, NUM_ACTIONS)
+        self.look = nn.Linear(FEATURES, NUM_ACTIONS)
 
-    def forward(self, features, detections, goal, previous, probability, h, c):
-        first = 1 - previous.sum(1, keepdim=True)
-        logits = torch.cat([previous, first], 1) @ self.table
-        logits = logits + 0.1 * torch.tanh(self.seen(features)) + 0.1 * probability
-        rest = 0 * (detections.sum() + goal.sum())
-        return logits + rest, logits[:, :1], h + 0, c + 0
+    def forward(self, seen, state):
+        first = 1 - seen.previous_action.sum(1, keepdim=True)
+        logits = torch.cat([seen.previous_action, first], 1) @ self.table
+        logits = logits + 0.1 * torch.tanh(self.look(seen.features))
+        logits = logits + 0.1 * seen.collision_probability
+        rest = 0 * (seen.detections.sum() + seen.goal.sum())
+        return logits + rest, logits[:, :1], {k: v + 0 for k, v in state.items()}
 
 
 class ListedActions:
@@ -51,10 +57,13 @@ class ListedActions:
         if not out.exists():
             out.mkdir()
             export_perception(self.perception, out / "perception.onnx")
-            predictor = CollisionPredictor()
-            export_networks(ActionTable(names), predictor, out)
+            inputs = Inputs((FEATURES,), 5, CATEGORIES)
+            predictor = CollisionPredictor(inputs.features)
+            tables = RewardTables.of("baseline", Knowledge())
+            agent = Agent(ActionTable(names), predictor, REWARDS["baseline"], tables)
+            export_networks(agent, inputs, out)
             hashes = {name: file_hash(out / name) for name in NETWORKS}
-            BundleHead(
-                out.name, "ours", True, ("Laptop", "Mug"), (8, predictor.hidden), hashes, {}, {}
-            ).save(out)
+            BundleHead(out.name, "ours", True, CATEGORIES, ("Laptop", "Mug"), hashes, {}, {}).save(
+                out
+            )
         return out
