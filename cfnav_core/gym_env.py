@@ -75,8 +75,8 @@ class _Episodes:
     def info(self) -> dict[str, Any]:
         none = np.zeros(self.batch, bool)
         return {
-            "collided": none, "success": none, "collisions": np.array(self.env.collisions),
-            "shortest": self.shortest.copy(),
+            "collided": none, "success": none, "shortest": self.shortest.copy(),
+            "collisions": np.array(self.env.collisions.tolist(), np.int64),
         }  # fmt: skip
 
     def restart(self, ended: np.ndarray) -> None:

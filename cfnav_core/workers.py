@@ -4,7 +4,7 @@ Every worker copies the shared weights, acts for t_max steps, and steps the shar
 its own gradients, without a lock (``cfnav train --workers 32``). Nothing is repeatable: the order
 of updates is the machine's. The default execution in ``train`` is.
 
-Source: Section IV-D and Algorithm 1; optimizer as the lineage's (Adam with AMSGrad, eps 1e-3).
+Source: Section IV-C and Algorithm 1; optimizer as the lineage's (Adam with AMSGrad, eps 1e-3).
 """
 
 from __future__ import annotations

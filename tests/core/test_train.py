@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,7 +73,7 @@ def test_stage_one_is_shared_and_the_predictor_frozen_after_it(scenes):
 
 def test_rooms_cannot_both_train_and_validate(scenes):
     with pytest.raises(ValueError, match="both training and validation"):
-        train(options(scenes, "ours", 10, 10), [("kitchen", 0)], [("kitchen", 0)])
+        train(replace(options(scenes, "ours", 10, 10), validation_rooms=("kitchen:0",)))
 
 
 def test_damaged_checkpoint_says_so(scenes):
