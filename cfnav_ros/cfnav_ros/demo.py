@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import signal
 import subprocess
 import sys
 import time
@@ -28,6 +27,7 @@ from cfnav_ros.plan import Trial, chosen_trials, drawn_trials, parse_list
 from cfnav_ros.processes import GraphError
 from cfnav_ros.report import write_report, write_trajectories
 from cfnav_ros.run_folder import FolderInUseError, RunFolder
+from cfnav_ros.stop_signal import INTERRUPT
 
 if TYPE_CHECKING:
     from cfnav_ros.graph import Graph
@@ -201,8 +201,7 @@ def main() -> None:
 
 def run_to_exit(name: str, run: Callable[[], Any]) -> Any:
     """Run something and end the process with one sentence when it could not run."""
-    signal.signal(signal.SIGTERM, _interrupt)
-    signal.signal(signal.SIGINT, _interrupt)
+    INTERRUPT.catch()
     try:
         return run()
     except KeyboardInterrupt:
@@ -211,13 +210,6 @@ def run_to_exit(name: str, run: Callable[[], Any]) -> Any:
     except (GraphError, BundleError, BagError, FolderInUseError, OSError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         sys.exit(1)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    # A second signal must not tear the clean-up in two.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 def _run_one(graph: Graph, trial: Trial, max_steps: int) -> Outcome:

@@ -31,6 +31,7 @@ from cfnav_core.vocabulary import CATEGORIES
 from cfnav_ros.outcome import Outcome
 from cfnav_ros.processes import Child, GraphError, node_command
 from cfnav_ros.recorder import Recorder
+from cfnav_ros.stop_signal import INTERRUPT
 
 DOMAINS = range(1, 102)
 """Domain ids whose ports are free of the system's own on Linux, without the default 0."""
@@ -199,7 +200,8 @@ class Graph:
         )
 
     def check(self) -> None:
-        """Raise GraphError when one of the processes has ended."""
+        """Raise GraphError when one of the processes has ended, KeyboardInterrupt after Ctrl-C."""
+        INTERRUPT.check()
         for child in self._children:
             if sentence := child.ended():
                 raise GraphError(sentence)
