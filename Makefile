@@ -1,6 +1,6 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-test demo test test-long lint bench train-demo clean
+.PHONY: help setup setup-test demo test test-long lint bench bench-train train-demo clean
 
 PYTHON ?= python3
 OUT ?= out/demo
@@ -36,6 +36,9 @@ lint: setup-test ## Check style, types and spelling
 
 bench: setup ## Measure the live graph and write out/bench
 	@$(ENV) exec python -m cfnav_ros.bench --out $(BENCH_OUT)
+
+bench-train: setup-test ## Measure training and write out/bench/train.json
+	@$(ENV) exec python -m cfnav_core.bench_train --out $(BENCH_OUT)
 
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 	@$(ENV) exec scripts/train_demo.sh

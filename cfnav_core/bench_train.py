@@ -1,0 +1,311 @@
+"""How fast training is, beside what the machine allows: ``python -m cfnav_core.bench_train``.
+
+For each row a process of its own trains on synthetic scenes and reports steps per CPU-second. The
+bound is this machine's rate of matrix multiplies on the network's own shapes, measured in the same
+run, divided by the multiplications of one step of learning, counted by torch. Nothing is asserted;
+the machine's load stands beside the figures.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from torch.utils.flop_counter import FlopCounterMode
+
+from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.agent import Agent, new_agent
+from cfnav_core.algorithm import Memory, collect_rollout, losses
+from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
+from cfnav_core.env import ObjectNavEnv, SceneBank
+from cfnav_core.json_file import write_json
+from cfnav_core.methods import METHODS
+from cfnav_core.models import MODELS, PUBLISHED, Knowledge
+from cfnav_core.ranks import Ranks
+from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
+
+SHAPES = {
+    "full": ((512, 7, 7), 517, 22), "clip": ((2048, 7, 7), 517, 22), "boxes": ((512, 7, 7), 4, 101),
+    "compact": ((256,), 5, 38),
+}  # fmt: skip
+"""Features, numbers a detection, objects: Data 1, its CLIP form, Data 2, built-in rooms."""
+
+FULL_DATA = {"baseline_word": "boxes", "mjolnir": "boxes", "tdanet": "boxes", "akgvp": "clip"}
+"""Which published data a model reads; the others read Data 1."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement.
+
+    Attributes:
+        model: row of ``MODELS``. width: "full" or "compact". method: row of ``METHODS``.
+        stage: 1 or 2. parallel: episodes at once in each process. ranks: processes.
+    """
+
+    model: str
+    width: str
+    method: str
+    stage: int = 1
+    parallel: int = 64
+    ranks: int = 1
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure training."""
+
+    out: Path = Path("out/bench")
+    """Folder that gets train.json."""
+    seconds: float = 8.0
+    """CPU-seconds of a row, at least one update."""
+    quick: bool = False
+    """Few rows, for a look."""
+    row: str | None = None
+    """Measure this one row (JSON) and print it; used by the command itself."""
+
+
+def rows(quick: bool) -> list[Row]:
+    """What is measured."""
+    first = [
+        Row("baseline_label", "full", "plain"), Row("baseline_label", "full", "ours"),
+        Row("compact", "compact", "ours"), Row("compact", "compact", "ours", 2),
+        Row("baseline_label", "full", "plain", ranks=2),
+    ]  # fmt: skip
+    if quick:
+        return first
+    models = [Row(m, w, "plain") for m in MODELS for w in ("full", "compact") if m != "compact"]
+    growth = [
+        Row(model, width, "plain", parallel=4**k)
+        for model, width in (("compact", "compact"), ("baseline_label", "full"))
+        for k in range(7)
+    ]
+    return list(dict.fromkeys(first + models + growth))
+
+
+def synthetic_bank(shape: str, positions: int = 128) -> SceneBank:
+    """A bare hall with random features, of the given data's shapes."""
+    features, detections, count = SHAPES[shape]
+    rng, side = np.random.default_rng(0), int(positions**0.5)
+    n = side * side * HEADINGS * HORIZONS
+    index = np.arange(n)
+    position, heading = index // (HEADINGS * HORIZONS), index // HORIZONS % HEADINGS
+    x, y = position % side, position // side
+    angle = heading * np.pi / 4
+    to_x, to_y = x + np.rint(np.cos(angle)).astype(int), y + np.rint(np.sin(angle)).astype(int)
+    free = (to_x >= 0) & (to_x < side) & (to_y >= 0) & (to_y < side)
+    moved = ((to_y * side + to_x) * HEADINGS + heading) * HORIZONS + index % HORIZONS
+    turn = position * HEADINGS * HORIZONS + index % HORIZONS
+    following = np.tile(index[:, None], (1, NUM_ACTIONS)).astype(np.int32)
+    following[:, Action.MoveAhead] = np.where(free, moved, index)
+    following[:, Action.RotateLeft] = turn + (heading + 1) % HEADINGS * HORIZONS
+    following[:, Action.RotateRight] = turn + (heading - 1) % HEADINGS * HORIZONS
+    following[:, Action.LookUp] = index // HORIZONS * HORIZONS
+    following[:, Action.LookDown] = index // HORIZONS * HORIZONS + 1
+    objects = tuple(f"object{k}" for k in range(count))
+    return SceneBank([OfflineScene(
+        name="kitchen:0", room_type="kitchen", perception="synthetic", source="synthetic",
+        objects=objects, goals=objects,
+        features=rng.random((n, *features), np.float32).astype(np.float16),
+        detections=rng.random((n, count, detections), np.float32).astype(np.float16),
+        next_state=following, collided=~free, visible=rng.random((n, count)) < 0.05,
+        position=position.astype(np.int32), heading=heading.astype(np.int8),
+        horizon=(index % HORIZONS).astype(np.int8),
+        positions=np.stack([x, y], 1)[:: HEADINGS * HORIZONS].astype(np.float32) / 4,
+        instances=np.ones(count, np.int16),
+        distance=rng.random((side * side, count), np.float32),
+    )])  # fmt: skip
+
+
+def synthetic_knowledge(objects: int) -> Knowledge:
+    """Tables of the right shapes."""
+    rng = np.random.default_rng(0)
+    return Knowledge(
+        words=rng.normal(size=(objects, 300)).astype(np.float32),
+        text=rng.normal(size=(objects, 1024)).astype(np.float32),
+        zones=rng.random((4, 8, objects), np.float32),
+        zone_edges=rng.uniform(0.05, 0.2, (4, 8, 8)).astype(np.float32),
+        layout=rng.integers(1, 500, (4, objects, objects)).astype(np.float32)
+        * (1 - np.eye(objects, dtype=np.float32)),
+        adjacency=(rng.random((objects, objects)) < 0.2).astype(np.float32),
+        parents=rng.random((4, objects, objects), np.float32),
+    )
+
+
+class Bench:
+    """An agent at work on synthetic scenes."""
+
+    def __init__(self, row: Row) -> None:
+        shape = FULL_DATA.get(row.model, "full") if row.width == "full" else "compact"
+        self.bank = synthetic_bank(shape)
+        size = PUBLISHED if row.width == "full" else ModelSize()
+        config = RunConfig(
+            method=row.method, model=row.model, size=size,
+            predictor_hidden=512 if row.width == "full" else 128,
+        )  # fmt: skip
+        torch.manual_seed(0)
+        known = synthetic_knowledge(len(self.bank.objects))
+        self.agent: Agent = new_agent(config, self.bank.inputs, known)
+        self.ranks = Ranks.join()
+        part = self.ranks.part(row.parallel * self.ranks.size)
+        self.env = ObjectNavEnv(self.bank, part, np.random.default_rng(0))
+        self.memory = Memory.zeros(self.env, self.agent)
+        method = METHODS[row.method]
+        self.stage = method.stage1 if row.stage == 1 else method.stage2
+        self.hp, self.generator = Hyperparameters(), torch.Generator()
+        parameters = [*self.agent.model.parameters(), *self.agent.predictor.parameters()]
+        self.optimizer = torch.optim.Adam(parameters, fused=True)
+
+    def update(self) -> int:
+        """One update; returns its steps."""
+        hp = self.hp
+        self.memory.detach()
+        r = collect_rollout(
+            self.env, self.agent, self.memory, self.stage, hp.rollout_length, self.generator
+        )
+        loss, collision, _ = losses(r, self.stage, hp)
+        self.optimizer.zero_grad()
+        (loss if collision is None else loss + collision).backward()
+        self.ranks.average(self.optimizer.param_groups[0]["params"])
+        self.optimizer.step()
+        return self.env.part.of * hp.rollout_length
+
+
+def measure(row: Row, seconds: float) -> dict[str, Any]:
+    """Steps per CPU-second and per second of a row, its multiplications and its peak memory."""
+    torch.set_num_threads(1)
+    bench = Bench(row)
+    with FlopCounterMode(display=False) as counter:
+        steps = bench.update() / bench.ranks.size
+    flops = counter.get_total_flops() / steps
+    cpu, wall, done, going = time.process_time(), time.monotonic(), 0, True
+    while going:
+        done += bench.update()
+        spent = time.monotonic() - wall
+        going = bench.ranks.total(spent)[0] < seconds * bench.ranks.size
+    rate = done / bench.ranks.size / (time.process_time() - cpu)
+    gflops = matmul_gflops(bench, row)
+    return {
+        **asdict(row), "steps_per_cpu_s": round(rate, 1), "steps_per_s": round(done / spent, 1),
+        "mflop_per_step": round(flops / 1e6, 2), "matmul_gflops": round(gflops, 1),
+        "fraction_of_bound": round(rate * flops / (gflops * 1e9), 3),
+        "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+        "leads": bench.ranks.leads,
+    }  # fmt: skip
+
+
+def matmul_gflops(bench: Bench, row: Row, seconds: float = 1.0) -> float:
+    """Rate of multiplies on the shapes of the policy's layers, forward and both gradients.
+
+    Every weight [N, K] with as many rows as one step brings it: places of a map for convolutions,
+    episodes for all others. Each shape counts by its share of the multiplications.
+    """
+    flops = spent = 0.0
+    modules = [m for m in bench.agent.model.modules() if getattr(m, "weight", None) is not None]
+    side = bench.bank.inputs.features[-1] if len(bench.bank.inputs.features) == 3 else 3
+    weights = [(m.weight.flatten(1), row.parallel * side**2) for m in modules
+               if isinstance(m, torch.nn.Conv2d)]  # fmt: skip
+    weights += [(m.weight, row.parallel) for m in modules if isinstance(m, torch.nn.Linear)]
+    cells = [m for m in bench.agent.model.modules() if isinstance(m, torch.nn.LSTMCell)]
+    weights += [(w, row.parallel) for c in cells for w in (c.weight_ih, c.weight_hh)]
+    with torch.no_grad():
+        for weight, batch in weights:
+            x, g = torch.randn(batch, weight.shape[1]), torch.randn(batch, weight.shape[0])
+            for _ in range(2):
+                start, count = time.process_time(), 0
+                while time.process_time() - start < seconds / len(weights) / 2 or not count:
+                    _ = x @ weight.t(), g @ weight, g.t() @ x
+                    count += 1
+                once = (time.process_time() - start) / count
+            flops += 6.0 * batch * weight.numel()
+            spent += once
+    return flops / spent / 1e9
+
+
+def measure_env(parallel: int, seconds: float) -> float:
+    """Steps per CPU-second without a network: actions drawn beforehand, episodes restarted."""
+    torch.set_num_threads(1)
+    env = ObjectNavEnv(synthetic_bank("compact"), parallel, np.random.default_rng(0))
+    actions = torch.randint(0, NUM_ACTIONS - 1, (64, parallel))
+    done, start = 0, time.process_time()
+    while time.process_time() - start < seconds:
+        for action in actions:
+            result = env.step(action)
+            env.restart(result.terminated | result.truncated)
+        done += actions.numel()
+    return done / (time.process_time() - start)
+
+
+def run_row(row: Row, seconds: float) -> dict[str, Any]:
+    """Measure a row in processes of its own.
+
+    Raises:
+        RuntimeError: it failed; the message is the last line it wrote.
+    """
+    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(row.ranks)]
+    command = [
+        sys.executable, *(launcher if row.ranks > 1 else []), "-m", "cfnav_core.bench_train",
+        "--seconds", str(seconds), "--row", json.dumps(asdict(row)),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{row} failed: {done.stderr.strip().splitlines()[-1:]}")
+    return dict(json.loads(done.stdout))
+
+
+def main() -> None:
+    """Entry point."""
+    options = tyro.cli(Options, prog="bench_train")
+    if options.row is not None:
+        found = measure(Row(**json.loads(options.row)), options.seconds)
+        if found.pop("leads"):
+            print(json.dumps(found))
+        return
+    load = os.getloadavg()[0]
+    print(f"load {load:.2f} before the start, {os.cpu_count()} cores of {_processor()}")
+    measured = []
+    for row in rows(options.quick):
+        measured.append(run_row(row, options.seconds))
+        print(_line(measured[-1]), flush=True)
+    env = {n: round(measure_env(n, 2.0)) for n in (1, 256, 4096, 65_536)}
+    print("environment alone, steps/CPU-s: " + ", ".join(f"{n}: {v:,}" for n, v in env.items()))
+    one, two = (next(r for r in measured if (r["model"], r["ranks"]) == ("baseline_label", n))
+                for n in (1, 2))  # fmt: skip
+    speedup = round(two["steps_per_s"] / one["steps_per_s"], 2)
+    print(f"two processes are {speedup} times as fast as one")
+    write_json(options.out / "train.json", {
+        "matmul_gflops": measured[0]["matmul_gflops"], "rows": measured,
+        "env": [{"parallel": n, "steps_per_cpu_s": v} for n, v in env.items()],
+        "two_rank_speedup": speedup, "load": load,
+    })  # fmt: skip
+
+
+def _line(found: dict[str, Any]) -> str:
+    return (
+        f"{found['model']:<15}{found['width']:<9}{found['method']:<7}stage {found['stage']}  "
+        f"{found['ranks']} x {found['parallel']:>4} episodes  {found['steps_per_cpu_s']:>9.0f} "
+        f"steps/CPU-s  {found['fraction_of_bound']:>5.0%} of the bound  "
+        f"{found['peak_rss_mb']:>5} MB"
+    )
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+if __name__ == "__main__":
+    main()
