@@ -64,13 +64,7 @@ def _measured(head: BundleHead) -> list[str]:
         *rows,
         "",
     ]
-    if "paired" in m:
-        low, high = m["paired"]["interval"]
-        lines += [
-            f"Paired difference in CF-SR: **{m['paired']['cf_sr_difference']:+.3f}** "
-            f"[{low:+.3f}, {high:+.3f}].",
-            "",
-        ]
+    lines += _paired(m)
     if m.get("long"):
         lines += [
             f"Of these, the {m['long']['episodes']} episodes whose best length is 5 actions or "
@@ -101,14 +95,16 @@ def _live(name: str, m: dict[str, Any]) -> list[str]:
         *rows,
         "",
     ]
-    if "paired" in m:
-        low, high = m["paired"]["interval"]
-        lines += [
-            f"Paired difference in CF-SR: **{m['paired']['cf_sr_difference']:+.3f}** "
-            f"[{low:+.3f}, {high:+.3f}].",
-            "",
-        ]
+    lines += _paired(m)
     return [*lines, f"Command: `{m['command']}`"]
+
+
+def _paired(m: dict[str, Any]) -> list[str]:
+    if "paired" not in m:
+        return []
+    low, high = m["paired"]["interval"]
+    difference = m["paired"]["cf_sr_difference"]
+    return [f"Paired difference in CF-SR: **{difference:+.3f}** [{low:+.3f}, {high:+.3f}].", ""]
 
 
 def _name(m: dict[str, Any]) -> str:
