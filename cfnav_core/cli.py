@@ -29,6 +29,8 @@ class Evaluate:
     """Number of episodes."""
     seed: int = 0
     """Draws starts and goals."""
+    frozen: Path | None = None
+    """Episodes of a file (cfnav data freeze, cfnav data episodes) instead of drawn ones."""
     rooms: Rooms = ()
     """TYPE:SEED or TYPE:FIRST-LAST; names or splits of a store; every scene when absent."""
     sample: bool = False
@@ -45,7 +47,9 @@ class Evaluate:
         # scenes are read into torch tensors, and a robot has no torch
         from cfnav_core.evaluate import evaluate_bundle, paired_difference
 
-        arguments = (self.scenes, self.episodes, self.seed, self.sample, self.p_hat, self.rooms)
+        arguments = (
+            self.scenes, self.episodes, self.seed, self.sample, self.p_hat, self.rooms, self.frozen
+        )  # fmt: skip
         first = evaluate_bundle(self.bundle, *arguments)
         content: dict[str, Any] = {
             "bundle": str(self.bundle), "command": shlex.join(["cfnav", *sys.argv[1:]]),

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import tyro
 from tqdm import tqdm
 
+from cfnav_core.config import Rooms
 from cfnav_core.knowledge.command import KnowledgeCommand
 from cfnav_core.published import start_states
 from cfnav_core.published.check import check_alike, check_root, check_scene
@@ -231,11 +232,40 @@ class ExportAi2thor:
             controller.stop()
 
 
+@dataclass(frozen=True)
+class FreezeData:
+    """Draw episodes from scenes and freeze them in a file with a hash (needs torch)."""
+
+    scenes: Annotated[Path, tyro.conf.Positional]
+    """Folder of scenes, or a store."""
+    out: Path
+    """JSON file of scene, state and goal of each episode."""
+    rooms: Rooms = ()
+    """TYPE:SEED or TYPE:FIRST-LAST; names or splits of a store; every scene when absent."""
+    episodes: int = 1000
+    """Number of episodes."""
+    seed: int = 0
+    """Draws starts and goals."""
+
+    def run_command(self) -> None:
+        """Draw and write."""
+        from cfnav_core.env import SceneBank
+        from cfnav_core.evaluate import Episodes
+
+        if self.episodes < 1:
+            raise ValueError(f"found --episodes {self.episodes}, expected at least 1")
+        bank = SceneBank.load(self.scenes, self.rooms)
+        starts = Episodes.draw(bank, self.episodes, self.seed).freeze(bank)
+        start_states.write_episodes(self.out, starts, ())
+        print(f"{len(starts)} episodes in {self.out}, {start_states.identity(starts)[:16]}")
+
+
 Data = (
     Annotated[InfoData, tyro.conf.subcommand("info")]
     | Annotated[CheckData, tyro.conf.subcommand("check")]
     | Annotated[ConvertData, tyro.conf.subcommand("convert")]
     | Annotated[KnowledgeCommand, tyro.conf.subcommand("knowledge")]
     | Annotated[EpisodesData, tyro.conf.subcommand("episodes")]
+    | Annotated[FreezeData, tyro.conf.subcommand("freeze")]
     | Annotated[ExportAi2thor, tyro.conf.subcommand("export-ai2thor")]
 )

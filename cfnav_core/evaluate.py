@@ -18,6 +18,8 @@ from cfnav_core.env import SceneBank
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_core.networks import Networks, OnnxNetworks, Sight
 from cfnav_core.perception import Perception
+from cfnav_core.published.keys import Key, state_of
+from cfnav_core.published.start_states import StartState, read_episodes
 from cfnav_core.scene import SceneError
 from cfnav_core.vocabulary import ROOM_TYPES
 
@@ -40,6 +42,39 @@ class Episodes:
     def draw(cls, bank: SceneBank, count: int, seed: int) -> Episodes:
         """Draw episodes, rooms and goals uniform, from a seed alone."""
         return cls(*bank.sample(np.random.default_rng(seed).random((count, 2))))
+
+    @classmethod
+    def thaw(cls, bank: SceneBank, starts: Sequence[StartState]) -> Episodes:
+        """Find frozen episodes in scenes.
+
+        Raises:
+            SceneError: a scene, state or goal is not there.
+        """
+        rows = {name: k for k, name in enumerate(bank.names)}
+        states, goals = [], []
+        for start in starts:
+            if start.scene not in rows:
+                raise SceneError(
+                    f"found an episode in {start.scene}, but only scenes {', '.join(bank.names)}; "
+                    "name all its scenes with --rooms, or none"
+                )
+            if start.goal not in bank.objects:
+                raise SceneError(
+                    f"found goal {start.goal!r}, which is none of these scenes' objects"
+                )
+            k = rows[start.scene]
+            states.append(int(bank.offsets[k]) + state_of(bank.scenes[k], start.state))
+            goals.append(bank.objects.index(start.goal))
+        return cls(np.array(states, np.int64), np.array(goals, np.int64))
+
+    def freeze(self, bank: SceneBank) -> list[StartState]:
+        """Scene, state and goal of each as text, for a file."""
+        starts = []
+        for state, goal in zip(self.states, self.goals, strict=True):
+            k = int(bank.scene[state])
+            key = Key.of(bank.scenes[k], int(state - bank.offsets[k]))
+            starts.append(StartState(bank.names[k], str(key), bank.objects[goal]))
+        return starts
 
     def identity(self, bank: SceneBank) -> str:
         """First 16 hex digits of a SHA-256 over scene names, starts and goals."""
@@ -142,16 +177,17 @@ def _cf_sr_of(results: list[EpisodeResult], chosen: np.ndarray) -> dict[str, flo
 
 def evaluate_bundle(
     bundle: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
-    p_hat: str = "own", rooms: Sequence[str] = (),
+    p_hat: str = "own", rooms: Sequence[str] = (), frozen: Path | None = None,
 ) -> Evaluation:  # fmt: skip
-    """Run a bundle on frozen episodes.
+    """Run a bundle on frozen episodes: of a file, or drawn from a seed.
 
     Raises:
         BundleError: the bundle cannot be used.
         SceneError: the scenes cannot be used, or were made with another perception.
     """
     head = BundleHead.load(bundle)
-    bank = SceneBank.load(scenes, rooms)
+    starts = read_episodes(frozen) if frozen else []
+    bank = SceneBank.load(scenes, rooms or list(dict.fromkeys(s.scene for s in starts)))
     identity = Perception(bundle / "perception.onnx").identity
     if bank.perception != identity:
         raise SceneError(
@@ -159,7 +195,7 @@ def evaluate_bundle(
             f"{identity}; make them with python -m sim_bridge.dataset --perception "
             f"{bundle}/perception.onnx"
         )
-    drawn = Episodes.draw(bank, episodes, seed)
+    drawn = Episodes.thaw(bank, starts) if frozen else Episodes.draw(bank, episodes, seed)
     results = run_episodes(OnnxNetworks(bundle, head), bank, drawn, seed if sample else None, p_hat)
     return Evaluation(bank, drawn, results)
 

@@ -53,6 +53,13 @@ class Key(NamedTuple):
             raise SceneError(wrong)
         return key
 
+    @classmethod
+    def of(cls, scene: OfflineScene, state: int) -> Key:
+        """The key of a scene's state."""
+        x, y = (round(float(v) / STEP_M) for v in scene.positions[scene.position[state]])
+        rotation = (90 - int(scene.heading[state]) * TURN_DEG) % 360
+        return cls(x, y, rotation, int(scene.horizon[state]) * LOOK_DEG)
+
     def __str__(self) -> str:
         return f"{self.x * STEP_M:.2f}|{self.z * STEP_M:.2f}|{self.rotation}|{self.horizon}"
 
