@@ -63,6 +63,7 @@ def source_identity() -> str:
         "parts",
         "textures",
         "furniture",
+        "fixtures",
         "objects",
         "room",
         "meshes",

@@ -14,6 +14,7 @@ import numpy as np
 
 from cfnav_core.rooms import parse_room
 from cfnav_core.vocabulary import CATEGORY_ID
+from sim_bridge import fixtures as fx
 from sim_bridge import furniture as fu
 from sim_bridge import objects as ob
 from sim_bridge.parts import Builder, Colour, Frame, Part, RoomObject, hsv
@@ -213,11 +214,11 @@ def _draw(b: Builder, act: Callable[..., bool], chances: dict[str, float], *kind
 
 def _kitchen(b: Builder) -> None:
     for width in b.rng.uniform(1.1, 2.1, int(b.rng.integers(2, 4))):
-        frame = fu.counter(b, float(width))
+        frame = fx.counter(b, float(width))
         if frame is not None and b.chance(0.5):
-            fu.upper_cabinet(b, frame, float(width))
-    fu.fridge(b)
-    fu.stove(b)
+            fx.upper_cabinet(b, frame, float(width))
+    fx.fridge(b)
+    fx.stove(b)
     fu.table(b, chairs=int(b.rng.integers(1, 5)))
     if b.chance(0.35):
         fu.stool(b)
@@ -285,11 +286,11 @@ def _bedroom(b: Builder) -> None:
 
 
 def _bathroom(b: Builder) -> None:
-    fu.counter(b, float(b.rng.uniform(0.9, 1.4)), 0.52)
+    fx.counter(b, float(b.rng.uniform(0.9, 1.4)), 0.52)
     ob.put(b, "Sink", ("counter",))
-    fu.toilet(b)
+    fx.toilet(b)
     if b.chance(0.7):
-        fu.bathtub(b)
+        fx.bathtub(b)
     fu.cabinet(b, float(b.rng.uniform(0.4, 0.7)), 0.38, float(b.rng.uniform(0.6, 0.9)), "side")
     if b.chance(0.5):
         fu.cabinet(b, 0.45, 0.38, 0.5, "side")
