@@ -66,7 +66,6 @@ class Blocks:
     def __init__(self, arrays: list[np.ndarray]) -> None:
         if sum(a.nbytes for a in arrays) <= IN_MEMORY_BYTES:
             arrays = [np.concatenate(arrays)]
-        # what is mapped is read only, which torch would warn of
         self._blocks = [torch.from_numpy(a) for a in arrays]
         self._first = torch.tensor(np.cumsum([0, *(len(a) for a in arrays)])[:-1])
 

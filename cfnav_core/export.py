@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +47,8 @@ def export_bundle(
         )
     inputs = head["inputs"]
     inputs = Inputs(tuple(inputs["features"]), inputs["detections"], tuple(inputs["objects"]))
-    known = {k.removeprefix("knowledge."): v for k, v in tensors.items()}
-    names = {f.name for f in fields(Knowledge)}
-    knowledge = Knowledge(**{k: v.numpy() for k, v in known.items() if k in names})
+    tables = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
+    knowledge = Knowledge(**{k.removeprefix("knowledge."): v for k, v in tables.items()})
     agent = new_agent(RunConfig.read(head["config"]), inputs, knowledge)
     load_module(checkpoint, "model", agent.model, tensors)
     load_module(checkpoint, "predictor", agent.predictor, tensors)

@@ -7,7 +7,6 @@ does, up to the rounding of sums.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -33,10 +32,10 @@ class Ranks:
     @classmethod
     def join(cls) -> Ranks:
         """Meet the other processes when ``torchrun`` started this one; alone otherwise."""
-        if "TORCHELASTIC_RUN_ID" not in os.environ:
+        if not dist.is_torchelastic_launched():
             return cls()
         if not dist.is_initialized():
-            dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+            dist.init_process_group("gloo")  # weights and gradients lie in main memory
         return cls(dist.get_rank(), dist.get_world_size())
 
     @property

@@ -12,6 +12,7 @@ import torch
 
 from cfnav_core.agent import new_agent
 from cfnav_core.checkpoint import (
+    CheckpointError,
     load_module,
     load_tensors,
     optimizer_tensors,
@@ -48,6 +49,11 @@ class Run:
         config = options.run
         self.options, self.hp = options, config.hyperparameters
         self.ranks = Ranks.join()
+        if options.workers and self.ranks.size > 1:
+            raise ValueError(
+                f"found {options.workers} asynchronous workers on {self.ranks.size} processes, "
+                "expected one or the other; leave out --workers or torchrun"
+            )
         self.method = METHODS[config.method]
         self.bank = SceneBank.load(options.scenes, options.train_rooms)
         self.validation = SceneBank.load(options.scenes, options.validation_rooms)
@@ -63,7 +69,6 @@ class Run:
         own = [p for p in self.predictor.parameters() if id(p) not in policy]
         self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
         self.episodes, self.steps, self.best = 0, 0, -1.0
-        self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.options.out.mkdir(parents=True, exist_ok=True)
 
@@ -84,6 +89,8 @@ class Run:
                 f"found {source} trained with perception {head['perception']}, but the scenes have "
                 f"{self.bank.perception}; give scenes of the same perception"
             )
+        if source == own:
+            self._check_same(head["config"])
         load_module(source, "model", self.model, tensors)
         load_module(source, "predictor", self.predictor, tensors)
         restore_optimizer("optimizer", self.optimizer, tensors)
@@ -91,6 +98,20 @@ class Run:
         self.episodes, self.steps = head["episodes"], head["steps"]
         if source == own:
             self.best = head["best"]
+
+    def _check_same(self, found: dict[str, Any]) -> None:
+        """A run goes on as what it was; only its hyperparameters, such as its length, may change.
+
+        Raises:
+            CheckpointError: it was another method, model, seed or size.
+        """
+        asked = asdict(self.options.run)
+        for key, value in asked.items():
+            if key != "hyperparameters" and found.get(key) != value:
+                raise CheckpointError(
+                    f"found a run with {key} {found.get(key)!r} in {self.options.out}, but "
+                    f"{value!r} is asked for; choose another --out or delete it"
+                )
 
     def save(self, name: str) -> None:
         """Write everything the run needs to go on."""
@@ -116,8 +137,7 @@ class Run:
 
     def validate(self) -> dict[str, float]:
         """SR and CF-SR on the frozen validation episodes, argmax."""
-        feeds = self.method.stage2.feed_prediction and self.episodes >= self.hp.stage1_episodes
-        networks = TorchNetworks(self.model, self.predictor, feeds)
+        networks = TorchNetworks(self.model, self.predictor, self.stage.feed_prediction)
         results = run_episodes(networks, self.validation, self.frozen)
         return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
 

@@ -71,6 +71,33 @@ def test_stage_one_is_shared_and_the_predictor_frozen_after_it(scenes):
         assert any((at_stage1[k] != at_end[k]).any() for k in at_end if k.startswith("model."))
 
 
+def test_a_run_goes_on_only_as_what_it_was(scenes):
+    chosen = options(scenes, "ours", 40, 40)
+    train(chosen)
+    longer = replace(chosen.run.hyperparameters, stage2_episodes=60)
+    run = Run(replace(chosen, run=replace(chosen.run, hyperparameters=longer)))
+    run.resume()
+    assert run.episodes >= 80
+    other = Run(replace(chosen, run=replace(chosen.run, method="plain")))
+    with pytest.raises(CheckpointError, match="found a run with method 'ours'"):
+        other.resume()
+
+
+def test_validation_feeds_what_the_stage_feeds(scenes):
+    """CP Only feeds its prediction in stage one already; ours does not."""
+    fed = {}
+    for method in ("cp_only", "ours"):
+        run = Run(options(scenes, method, 40, 40))
+        seen = []
+        run.model.register_forward_pre_hook(
+            lambda _, args, seen=seen: seen.append(float(args[0].collision_probability.max()))
+        )
+        run.validate()
+        fed[method] = max(seen)
+    assert fed["cp_only"] > 0
+    assert fed["ours"] == 0
+
+
 def test_rooms_cannot_both_train_and_validate(scenes):
     with pytest.raises(ValueError, match="both training and validation"):
         train(replace(options(scenes, "ours", 10, 10), validation_rooms=("kitchen:0",)))
