@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +17,7 @@ from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_core.networks import Networks, OnnxNetworks, Sight
 from cfnav_core.perception import Perception
 from cfnav_core.published.keys import Key, state_of
-from cfnav_core.published.start_states import StartState, read_episodes
+from cfnav_core.published.start_states import StartState, identity, read_episodes
 from cfnav_core.scene import SceneError
 from cfnav_core.vocabulary import ROOM_TYPES
 
@@ -77,9 +75,8 @@ class Episodes:
         return starts
 
     def identity(self, bank: SceneBank) -> str:
-        """First 16 hex digits of a SHA-256 over scene names, starts and goals."""
-        text = json.dumps([bank.names, self.states.tolist(), self.goals.tolist()])
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        """First 16 hex digits of the hash that a file of these episodes carries."""
+        return identity(self.freeze(bank))[:16]
 
 
 def run_episodes(
@@ -146,8 +143,8 @@ class Evaluation:
 
     @property
     def rooms(self) -> np.ndarray:
-        """int64 [N], the scene of each episode."""
-        return self.bank.scene[self.episodes.states]
+        """[N], the name of each episode's scene."""
+        return np.array(self.bank.names)[self.bank.scene[self.episodes.states]]
 
     def summary(self) -> dict[str, Any]:
         """All figures: overall, the long episodes, and CF-SR by goal and by room type."""
@@ -157,7 +154,7 @@ class Evaluation:
             self.bank.objects[g]: _cf_sr_of(self.results, self.episodes.goals == g)
             for g in np.unique(self.episodes.goals)
         }
-        kinds = np.array([self.bank.names[r].split(":")[0] for r in rooms])
+        kinds = np.array(ROOM_TYPES)[self.bank.room[self.episodes.states]]
         return {
             **figures(self.results, rooms),
             "long": figures([self.results[i] for i in long], rooms[long]) if long else None,
@@ -187,12 +184,12 @@ def evaluate_bundle(
     """
     head = BundleHead.load(bundle)
     starts = read_episodes(frozen) if frozen else []
-    bank = SceneBank.load(scenes, rooms or list(dict.fromkeys(s.scene for s in starts)))
-    identity = Perception(bundle / "perception.onnx").identity
-    if bank.perception != identity:
+    bank = SceneBank.load(scenes, rooms or sorted({s.scene for s in starts}))
+    perception = Perception(bundle / "perception.onnx").identity
+    if bank.perception != perception:
         raise SceneError(
             f"found scenes in {scenes} made with perception {bank.perception}, but {bundle} has "
-            f"{identity}; make them with python -m sim_bridge.dataset --perception "
+            f"{perception}; make them with python -m sim_bridge.dataset --perception "
             f"{bundle}/perception.onnx"
         )
     drawn = Episodes.thaw(bank, starts) if frozen else Episodes.draw(bank, episodes, seed)

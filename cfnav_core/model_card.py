@@ -89,7 +89,8 @@ def _live(name: str, m: dict[str, Any]) -> list[str]:
         "",
         f"{m['episodes']} episodes through mock TurtleBot 4, LiDAR collision node and policy node "
         f"in {len(m['rooms'])} test rooms, p_hat from the LiDAR, its veto {veto}, at most "
-        f"{m['speed']:g} times real time; starts at least 5 actions away. Path lengths in metres.",
+        f"{m['speed']:g} times real time, at commit {', '.join(m['commits'])}; starts at least 5 "
+        "actions away. Path lengths in metres.",
         "",
         *_TABLE,
         *rows,

@@ -42,8 +42,9 @@ for method in plain ours; do
   cfnav export "$out/$method/best.safetensors" --perception "$perception" \
     --name "$method" --out "$out/bundle_$method"
 done
+# 2,000 episodes, drawn once by cfnav data freeze
 cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
-  $(rooms --rooms $test) --episodes 2000 --json "$out/metrics.json"
+  --frozen docs/episodes/test_rooms_20-25.json --json "$out/metrics.json"
 for method in plain ours; do
   python -m cfnav_ros.trials --episodes 60 --speed 1.5 --bundle "$out/bundle_$method" \
     --out "$out/live/$method.jsonl"

@@ -69,7 +69,7 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert "kitchen:0" in card
     first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
     live = {
-        **first.summary(), "bundle": "x", "speed": 2.0, "veto": False, "rooms": ["kitchen:20"],
+        **first.summary(), "bundle": "x", "speed": 2.0, "veto": False, "commits": ["abc"], "rooms": ["kitchen:20"],
         "command": "python -m live", "paired": {"cf_sr_difference": 0.25, "interval": (0.1, 0.4)},
     }  # fmt: skip
     metrics = {**first.summary(), "command": "cfnav evaluate", "live": live}
@@ -209,9 +209,10 @@ def test_evaluation_is_frozen_and_paired(made):
     summary = first.summary()
     assert {"sr", "spl", "cf_sr", "cf_spl"} <= set(summary)
     rooms = first.rooms
-    assert set(rooms) == {0, 1}
+    assert set(rooms) == {"kitchen:0", "kitchen:1"}
     split = len(hall().next_state)
-    np.testing.assert_array_equal(rooms, (first.episodes.states >= split).astype(int))
+    expected = np.where(first.episodes.states >= split, "kitchen:1", "kitchen:0")
+    np.testing.assert_array_equal(rooms, expected)
 
 
 def test_scenes_of_another_perception_are_refused(made, tmp_path):

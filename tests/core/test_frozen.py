@@ -38,6 +38,7 @@ def test_frozen_episodes_come_back(bank, tmp_path):
     other = SceneBank(bank.scenes[::-1])
     turned = Episodes.thaw(other, read_episodes(tmp_path / "test.json"))
     assert turned.freeze(other) == drawn.freeze(bank)
+    assert turned.identity(other) == drawn.identity(bank)
 
 
 def test_what_is_not_there_is_named(bank):
