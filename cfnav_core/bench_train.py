@@ -32,6 +32,7 @@ from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.json_file import write_json
 from cfnav_core.methods import METHODS
 from cfnav_core.models import MODELS, PUBLISHED, Knowledge
+from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.ranks import Ranks
 from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
 
@@ -171,12 +172,13 @@ class Bench:
         """One update; returns its steps."""
         hp = self.hp
         self.memory.detach()
-        r = collect_rollout(
-            self.env, self.agent, self.memory, self.stage, hp.rollout_length, self.generator
-        )
-        loss, collision, _ = losses(r, self.stage, hp)
         self.optimizer.zero_grad()
-        (loss if collision is None else loss + collision).backward()
+        with weight_gradients_at_once(self.agent.model, self.agent.predictor):
+            r = collect_rollout(
+                self.env, self.agent, self.memory, self.stage, hp.rollout_length, self.generator
+            )
+            loss, collision, _ = losses(r, self.stage, hp)
+            (loss if collision is None else loss + collision).backward()
         self.ranks.average(self.optimizer.param_groups[0]["params"])
         self.optimizer.step()
         return self.env.part.of * hp.rollout_length

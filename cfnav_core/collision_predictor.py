@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.models.base import lstm_step
+from cfnav_core.models.recurrent import LSTMCell
 
 COMPACT_WIDTH = 128
 MAP_CHANNELS = 64
@@ -37,8 +37,8 @@ class CollisionPredictor(nn.Module):
         with torch.no_grad():
             width = self.picture(torch.zeros(1, *features)).numel()
         self.action = nn.Sequential(nn.Linear(NUM_ACTIONS, 10), nn.ReLU())
-        self.lower = nn.LSTMCell(width + 10, hidden)
-        self.upper = nn.LSTMCell(hidden, hidden)
+        self.lower = LSTMCell(width + 10, hidden)
+        self.upper = LSTMCell(hidden, hidden)
         self.head = nn.Linear(hidden, 1)
 
     def forward(
@@ -56,8 +56,8 @@ class CollisionPredictor(nn.Module):
         """
         picture = self.picture(features).flatten(1)
         x = torch.cat([picture, self.action(previous_action)], 1)
-        h1, c1 = lstm_step(self.lower, x, state[:, 0], state[:, 1])
-        h2, c2 = lstm_step(self.upper, h1, state[:, 2], state[:, 3])
+        h1, c1 = self.lower.step(x, state[:, 0], state[:, 1])
+        h2, c2 = self.upper.step(h1, state[:, 2], state[:, 3])
         return self.head(h2), torch.stack([h1, c1, h2, c2], 1)
 
 

@@ -67,6 +67,9 @@ class Blocks:
         if sum(a.nbytes for a in arrays) <= IN_MEMORY_BYTES:
             arrays = [np.concatenate(arrays)]
         self._blocks = [torch.from_numpy(a) for a in arrays]
+        if len(self._blocks) == 1 and self._blocks[0].dim() == 4:
+            # 1x1 convolutions read the channels of a place; the values stay the same
+            self._blocks[0] = self._blocks[0].contiguous(memory_format=torch.channels_last)
         self._first = torch.tensor(np.cumsum([0, *(len(a) for a in arrays)])[:-1])
 
     def __getitem__(self, rows: Tensor) -> Tensor:

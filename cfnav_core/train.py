@@ -17,6 +17,7 @@ from tqdm import tqdm
 from cfnav_core.algorithm import Memory, collect_rollout, losses
 from cfnav_core.config import TrainOptions
 from cfnav_core.env import ObjectNavEnv
+from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
 from cfnav_core.workers import Workers
 
@@ -50,23 +51,23 @@ class Synchronous:
         run, hp, ranks = self.run, self.run.hp, self.run.ranks
         stage = run.stage
         self.memory.detach()
-        r = collect_rollout(
-            self.env, run.agent, self.memory, stage, hp.rollout_length, self.generator
-        )
-        moved = sum(int(m.sum()) for m in r.moved_ahead)
-        counts = (r.episodes, r.successes, r.collision_free, r.collisions)
-        moves, *summed = ranks.total(moved, *counts)
-        loss, collision, figures = losses(r, stage, hp, max(moves, 1) / ranks.size)
+        learned = [run.optimizer]
+        if stage.train_predictor:
+            learned.append(run.predictor_optimizer)
+        for optimizer in learned:
+            optimizer.zero_grad()
+        with weight_gradients_at_once(run.model, run.predictor):
+            r = collect_rollout(
+                self.env, run.agent, self.memory, stage, hp.rollout_length, self.generator
+            )
+            moved = sum(int(m.sum()) for m in r.moved_ahead)
+            counts = (r.episodes, r.successes, r.collision_free, r.collisions)
+            moves, *summed = ranks.total(moved, *counts)
+            loss, collision, figures = losses(r, stage, hp, max(moves, 1) / ranks.size)
+            # L_c reaches the policy only through an encoder that both share (Wu et al.)
+            (loss if collision is None else loss + collision).backward()
         for group in run.optimizer.param_groups:
             group["lr"] = run.learning_rate()
-        learned = [run.optimizer]
-        run.optimizer.zero_grad()
-        if collision is not None:
-            # L_c reaches the policy only through an encoder that both share (Wu et al.)
-            learned.append(run.predictor_optimizer)
-            run.predictor_optimizer.zero_grad()
-            loss = loss + collision
-        loss.backward()
         for optimizer in learned:
             parameters = optimizer.param_groups[0]["params"]
             ranks.average(parameters)

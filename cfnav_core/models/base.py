@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
@@ -145,14 +144,6 @@ class NavModel(nn.Module):
             Action logits [B, 6], value [B, 1], and what is remembered next.
         """
         raise NotImplementedError
-
-
-def lstm_step(cell: nn.LSTMCell, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
-    """One step of an LSTM cell written out, so that it exports to ONNX as plain operators."""
-    gates = F.linear(x, cell.weight_ih, cell.bias_ih) + F.linear(h, cell.weight_hh, cell.bias_hh)
-    i, f, g, o = gates.chunk(4, 1)
-    c = torch.sigmoid(f) * c + torch.sigmoid(i) * torch.tanh(g)
-    return torch.sigmoid(o) * torch.tanh(c), c
 
 
 def actor(hidden: int) -> nn.Linear:

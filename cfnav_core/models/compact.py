@@ -20,8 +20,8 @@ from cfnav_core.models.base import (
     Seen,
     State,
     actor,
-    lstm_step,
 )
+from cfnav_core.models.recurrent import LSTMCell
 
 
 class Compact(NavModel):
@@ -41,7 +41,7 @@ class Compact(NavModel):
         self.goal = nn.Linear(objects, 32, bias=False)
         self.target = nn.Sequential(nn.Linear(32 + columns, 64), nn.ReLU())
         self.action = nn.Sequential(nn.Linear(NUM_ACTIONS, 10), nn.ReLU())
-        self.lstm = nn.LSTMCell(256 + 64 + 10 + 1, hidden)
+        self.lstm = LSTMCell(256 + 64 + 10 + 1, hidden)
         self.actor = actor(hidden)
         self.critic = nn.Linear(hidden, 1)
         self.state_shapes = {"h": (hidden,), "c": (hidden,)}
@@ -55,5 +55,5 @@ class Compact(NavModel):
             self.action(seen.previous_action),
             seen.collision_probability,
         ], 1)  # fmt: skip
-        h, c = lstm_step(self.lstm, x, state["h"], state["c"])
+        h, c = self.lstm.step(x, state["h"], state["c"])
         return self.actor(h), self.critic(h), {"h": h, "c": c}

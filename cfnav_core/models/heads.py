@@ -8,8 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS, Action
-from cfnav_core.models.base import State, lstm_step
+from cfnav_core.models.base import State
 from cfnav_core.models.picture import Picture
+from cfnav_core.models.recurrent import LSTMCell
 
 DONE_GATE = 0.58
 """A constant of the published code."""
@@ -42,7 +43,7 @@ class ActorCritic(nn.Module):
     def __init__(self, width: int, hidden: int, layers: int) -> None:
         super().__init__()
         inputs = [width + 1] + [hidden] * (layers - 1)
-        self.cells = nn.ModuleList(nn.LSTMCell(n, hidden) for n in inputs)
+        self.cells = nn.ModuleList(LSTMCell(n, hidden) for n in inputs)
         self.actor = nn.Linear(hidden, NUM_ACTIONS)
         outputs = [hidden] + [64] * (layers - 1) + [1]
         self.critic = nn.Sequential(*(nn.Linear(a, b) for a, b in pairwise(outputs)))
@@ -62,8 +63,8 @@ class ActorCritic(nn.Module):
         x = torch.cat([x, p_hat], 1)
         hs, cs = [], []
         for k, cell in enumerate(self.cells):
-            assert isinstance(cell, nn.LSTMCell)
-            x, c = lstm_step(cell, x, state["h"][:, k], state["c"][:, k])
+            assert isinstance(cell, LSTMCell)
+            x, c = cell.step(x, state["h"][:, k], state["c"][:, k])
             hs.append(x)
             cs.append(c)
         return self.actor(x), self.critic(x), {"h": torch.stack(hs, 1), "c": torch.stack(cs, 1)}
@@ -101,7 +102,7 @@ def initialise(model: nn.Module, *later: nn.Module) -> None:
             nn.init.xavier_uniform_(module.weight)
             if module.bias is not None:
                 nn.init.zeros_(module.bias)
-        elif isinstance(module, nn.LSTMCell):
+        elif isinstance(module, LSTMCell):
             nn.init.zeros_(module.bias_ih)
             nn.init.zeros_(module.bias_hh)
     for module in modules:

@@ -69,8 +69,9 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert "kitchen:0" in card
     first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
     live = {
-        **first.summary(), "bundle": "x", "speed": 2.0, "veto": False, "commits": ["abc"], "rooms": ["kitchen:20"],
-        "command": "python -m live", "paired": {"cf_sr_difference": 0.25, "interval": (0.1, 0.4)},
+        **first.summary(), "bundle": "x", "speed": 2.0, "veto": False, "commits": ["abc"],
+        "rooms": ["kitchen:20"], "command": "python -m live",
+        "paired": {"cf_sr_difference": 0.25, "interval": (0.1, 0.4)},
     }  # fmt: skip
     metrics = {**first.summary(), "command": "cfnav evaluate", "live": live}
     export_bundle(

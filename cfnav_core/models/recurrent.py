@@ -1,0 +1,73 @@
+"""LSTM cells, and their weight gradients summed over a rollout in one multiply."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+
+class LSTMCell(nn.LSTMCell):
+    """An LSTM cell written out, so that it exports to ONNX as plain operators."""
+
+    _tape: list[tuple[Tensor, Tensor, Tensor]] | None = None
+
+    def step(self, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
+        """One step.
+
+        Args:
+            x: float32 [B, width].
+            h, c: float32 [B, H].
+
+        Returns:
+            The next h and c.
+        """
+        tape = self._tape if torch.is_grad_enabled() else None
+        weights: list[Tensor] = [self.weight_ih, self.bias_ih, self.weight_hh, self.bias_hh]
+        if tape is not None:
+            weights = [w.detach() for w in weights]
+        gates = F.linear(x, *weights[:2]) + F.linear(h, *weights[2:])
+        if tape is not None:
+            gates.requires_grad_()
+            inputs = x.detach(), h.detach()
+            gates.register_hook(lambda gradient: tape.append((gradient, *inputs)))
+        i, f, g, o = gates.chunk(4, 1)
+        c = torch.sigmoid(f) * c + torch.sigmoid(i) * torch.tanh(g)
+        return torch.sigmoid(o) * torch.tanh(c), c
+
+    def _add_gradients(self) -> None:
+        """Add to ``grad`` what the tape holds."""
+        if not self._tape:
+            return
+        gates, x, h = (torch.cat(rows) for rows in zip(*self._tape, strict=True))
+        bias = gates.sum(0)
+        for parameter, gradient in (
+            (self.weight_ih, gates.t() @ x.to(gates.dtype)),
+            (self.weight_hh, gates.t() @ h.to(gates.dtype)),
+            (self.bias_ih, bias), (self.bias_hh, bias),
+        ):  # fmt: skip
+            gradient = gradient.to(parameter.dtype)
+            parameter.grad = gradient if parameter.grad is None else parameter.grad + gradient
+
+
+@contextmanager
+def weight_gradients_at_once(*modules: nn.Module) -> Iterator[None]:
+    """Run steps and one ``backward`` inside; all LSTM weights have their gradients after it.
+
+    An LSTM's weight gradient is a product of few rows at each step, which costs a pass over memory
+    as large as the weights. Summed over T steps it is one product of B * T rows; the result is the
+    same up to the order of sums.
+    """
+    cells = [m for module in modules for m in module.modules() if isinstance(m, LSTMCell)]
+    for cell in cells:
+        cell._tape = []
+    try:
+        yield
+        for cell in cells:
+            cell._add_gradients()
+    finally:
+        for cell in cells:
+            cell._tape = None

@@ -1,0 +1,67 @@
+"""Weight gradients summed once a rollout equal those summed step by step."""
+
+from __future__ import annotations
+
+import copy
+
+import pytest
+import torch
+
+from cfnav_core.collision_predictor import CollisionPredictor
+from cfnav_core.models import MODELS
+from cfnav_core.models.recurrent import LSTMCell, weight_gradients_at_once
+
+from .model_samples import BUILT_IN, SMALL, knowledge, views
+
+STEPS = 4
+
+
+def learn(model, predictor) -> None:
+    """Gradients of something that depends on every step."""
+    torch.manual_seed(1)  # some models toss coins while they train
+    state, memory, loss = model.zero_state(3), torch.zeros(3, *predictor.state_shape), 0.0
+    for t in range(STEPS):
+        seen = views(BUILT_IN, 3, seed=t)
+        logit, memory = predictor(seen.features, seen.previous_action, memory)
+        logits, value, state = model(seen, state)
+        loss = loss + torch.log_softmax(logits, 1)[:, t].sum() + value.sum() ** 2 + logit.sum() ** 2
+    loss.backward()
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_gradients_are_those_of_every_step(name):
+    torch.manual_seed(0)
+    plain = MODELS[name](BUILT_IN, SMALL, knowledge(38)), CollisionPredictor((256,), 8)
+    other = copy.deepcopy(plain)
+    learn(*plain)
+    with weight_gradients_at_once(*other):
+        learn(*other)
+    for one, two in zip(plain, other, strict=True):
+        gradients = dict(two.named_parameters())
+        for key, parameter in one.named_parameters():
+            if parameter.grad is None:
+                assert gradients[key].grad is None
+            else:
+                torch.testing.assert_close(gradients[key].grad, parameter.grad, msg=key)
+
+
+def test_gradients_are_added_to_those_that_are_there():
+    cell = LSTMCell(4, 5)
+    x, h = torch.randn(3, 4), torch.zeros(3, 5)
+    for _ in range(2):
+        with weight_gradients_at_once(cell):
+            cell.step(x, h, h)[0].sum().backward()
+    twice = cell.weight_ih.grad.clone()
+    cell.zero_grad()
+    cell.step(x, h, h)[0].sum().backward()
+    torch.testing.assert_close(twice, 2 * cell.weight_ih.grad)
+
+
+def test_steps_without_gradients_leave_nothing_behind():
+    cell = LSTMCell(4, 5)
+    with weight_gradients_at_once(cell), torch.no_grad():
+        cell.step(torch.randn(3, 4), torch.zeros(3, 5), torch.zeros(3, 5))
+    assert cell.weight_ih.grad is None
+    h, _ = cell.step(torch.randn(3, 4), torch.zeros(3, 5), torch.zeros(3, 5))
+    h.sum().backward()
+    assert cell.weight_ih.grad is not None
