@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
+
 from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.config import RunConfig
 from cfnav_core.methods import METHODS
@@ -26,8 +28,10 @@ class Agent:
     tables: RewardTables
 
 
-def new_agent(config: RunConfig, inputs: Inputs, knowledge: Knowledge) -> Agent:
-    """Networks with fresh weights.
+def new_agent(
+    config: RunConfig, inputs: Inputs, knowledge: Knowledge, device: torch.device | str = "cpu"
+) -> Agent:
+    """Networks with fresh weights, drawn on the CPU so that they are the same on every device.
 
     Raises:
         ValueError: an unknown name, knowledge that is missing, or no encoder to share.
@@ -42,4 +46,5 @@ def new_agent(config: RunConfig, inputs: Inputs, knowledge: Knowledge) -> Agent:
         inputs.features, config.predictor_hidden, model.picture_encoder() if shared else None
     )
     reward = config.reward or model.reward
-    return Agent(model, predictor, REWARDS[reward], RewardTables.of(reward, knowledge))
+    tables = RewardTables.of(reward, knowledge).to(torch.device(device))
+    return Agent(model.to(device), predictor.to(device), REWARDS[reward], tables)

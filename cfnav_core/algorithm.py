@@ -42,9 +42,9 @@ class Memory:
         """At the start of B episodes."""
         return cls(
             agent.model.zero_state(env.batch),
-            torch.zeros(env.batch, *agent.predictor.state_shape),
-            torch.zeros(env.batch, NUM_ACTIONS),
-            RewardMemory.start(env.batch, len(env.bank.objects)),
+            torch.zeros(env.batch, *agent.predictor.state_shape, device=env.device),
+            torch.zeros(env.batch, NUM_ACTIONS, device=env.device),
+            RewardMemory.start(env.batch, len(env.bank.objects), env.device),
         )
 
     def detach(self) -> None:
@@ -90,10 +90,12 @@ def collect_rollout(
     generator: torch.Generator,
 ) -> Rollout:  # fmt: skip
     """The inner loop of Algorithm 1: act for ``length`` steps in every episode."""
-    r = Rollout([], [], [], [], [], [], [], [], [], torch.empty(0), 0, 0, 0, 0)
+    nothing = torch.zeros(env.batch, device=env.device)
+    r = Rollout([], [], [], [], [], [], [], [], [], nothing, 0, 0, 0, 0)
+    counts = torch.zeros(4, dtype=torch.int64, device=env.device)
     for _ in range(length):
         features, detections = env.observe()  # Alg. 1: acquire image I_t
-        p_hat = torch.zeros(env.batch, 1)
+        p_hat = nothing[:, None]
         if stage.train_predictor or stage.feed_prediction:  # Alg. 1: predict collision p_hat_t
             with torch.set_grad_enabled(stage.train_predictor):
                 logit, memory.predictor = agent.predictor(
@@ -127,21 +129,20 @@ def collect_rollout(
         r.next_value_if_cut.append(_value_where(outcome.truncated, env, agent, memory, p_hat))
         r.collided.append(outcome.collided)
         r.moved_ahead.append(action[:, 0] == Action.MoveAhead)
-        r.episodes += int(ended.sum())
-        r.successes += int(outcome.success.sum())
-        r.collision_free += int((outcome.success & (env.collisions == 0)).sum())
-        r.collisions += int(env.collisions[ended].sum())
+        clean = outcome.success & (env.collisions == 0)
+        happened = torch.stack([ended, outcome.success, clean]).sum(1)
+        counts += torch.cat([happened, (env.collisions * ended).sum()[None]])
         env.restart(ended)
         memory.forget(ended)
-    everywhere = torch.ones(env.batch, dtype=torch.bool)
-    r.bootstrap = _value_where(everywhere, env, agent, memory, p_hat)
+    r.bootstrap = _value_where(torch.ones_like(ended), env, agent, memory, p_hat)
+    r.episodes, r.successes, r.collision_free, r.collisions = counts.tolist()
     return r
 
 
 def _sampled(pi: Tensor, part: Part, generator: torch.Generator) -> Tensor:
     """Actions int64 [B, 1] drawn from pi [B, 6]."""
-    u = part.rows(torch.rand(part.of, 1, generator=generator).numpy())
-    below = pi.cumsum(1) < torch.from_numpy(u)
+    u = part.rows(torch.rand(part.of, 1, generator=generator, device="cpu"))
+    below = pi.cumsum(1) < u.to(pi.device)
     return below.sum(1, keepdim=True).clamp(max=NUM_ACTIONS - 1)
 
 
@@ -153,7 +154,7 @@ def _value_where(
 
     The last p_hat stands in for the next one, so that the predictor advances once per real step.
     """
-    out = torch.zeros(env.batch)
+    out = torch.zeros(env.batch, device=env.device)
     if where.any():
         features, detections = env.bank.observe(env.state[where])
         seen = Seen(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import resource
 import subprocess
 import sys
 import time
@@ -35,6 +34,7 @@ from cfnav_core.models import MODELS, PUBLISHED, Knowledge
 from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.ranks import Ranks
 from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
+from cfnav_core.train import peak_memory_mb
 
 SHAPES = {
     "full": ((512, 7, 7), 517, 22), "clip": ((2048, 7, 7), 517, 22), "boxes": ((512, 7, 7), 4, 101),
@@ -202,7 +202,7 @@ def measure(row: Row, seconds: float) -> dict[str, Any]:
         **asdict(row), "steps_per_cpu_s": round(rate, 1), "steps_per_s": round(done / spent, 1),
         "mflop_per_step": round(flops / 1e6, 2), "matmul_gflops": round(gflops, 1),
         "fraction_of_bound": round(rate * flops / (gflops * 1e9), 3),
-        "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+        "peak_rss_mb": round(peak_memory_mb()),
         "leads": bench.ranks.leads,
     }  # fmt: skip
 

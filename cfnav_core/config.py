@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -99,6 +99,11 @@ class TrainOptions:
     """Frozen validation episodes, argmax."""
     checkpoint_s: float = 60.0
     """Seconds between checkpoints."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where networks and episodes live; auto takes a GPU when there is one."""
+    precision: Literal["highest", "high", "medium"] = "highest"
+    """Of float32 multiplications: medium computes in bfloat16 where the processor can, high in
+    TF32 on GPUs (torch.set_float32_matmul_precision)."""
     threads: int = 1
     """CPU threads."""
     workers: int = 0

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -25,10 +26,11 @@ from cfnav_core.scene import OfflineScene, SceneError
 from cfnav_core.scenes import open_scenes
 from cfnav_core.vocabulary import ROOM_TYPES
 
+CPU = torch.device("cpu")
 STEP_LIMIT = 100
 LIVING_ROOM_STEP_LIMIT = 200
 IN_MEMORY_BYTES = 2 << 30
-"""Features and detections up to this size are joined in memory."""
+"""Features and detections up to this size each are joined in main memory."""
 
 
 def step_limit(room_type: str) -> int:
@@ -56,33 +58,41 @@ class Tasks:
 class Blocks:
     """Rows of equal shape in one or many arrays, read by row number.
 
-    Small arrays are joined in memory; large ones stay mapped from disk, so that what is resident
-    is bounded by the rows in use.
+    What fits is joined in the memory of the device, at most half of a GPU's; larger data stay
+    mapped from disk, so that what is resident is bounded by the rows in use.
 
     Args:
         arrays: float16 [n_k, ...] each.
+        device: where rows are wanted.
     """
 
-    def __init__(self, arrays: list[np.ndarray]) -> None:
-        if sum(a.nbytes for a in arrays) <= IN_MEMORY_BYTES:
-            arrays = [np.concatenate(arrays)]
+    def __init__(self, arrays: list[np.ndarray], device: torch.device) -> None:
+        self.device = device
+        most = IN_MEMORY_BYTES
+        if device.type == "cuda":
+            most = torch.cuda.mem_get_info(device)[0] // 2
+        self._joined = sum(a.nbytes for a in arrays) <= most
         self._blocks = [torch.from_numpy(a) for a in arrays]
-        if len(self._blocks) == 1 and self._blocks[0].dim() == 4:
-            # 1x1 convolutions read the channels of a place; the values stay the same
-            self._blocks[0] = self._blocks[0].contiguous(memory_format=torch.channels_last)
-        self._first = torch.tensor(np.cumsum([0, *(len(a) for a in arrays)])[:-1])
+        if self._joined:
+            whole = torch.cat(self._blocks)
+            if whole.dim() == 4:
+                # 1x1 convolutions read the channels of a place; the values stay the same
+                whole = whole.contiguous(memory_format=torch.channels_last)
+            self._blocks = [whole.to(device)]
+        ends = np.cumsum([len(a) for a in arrays])
+        self._first = torch.from_numpy(np.append(0, ends[:-1]))
 
     def __getitem__(self, rows: Tensor) -> Tensor:
-        """Float32 [..., *shape] of rows int64 [...]."""
-        if len(self._blocks) == 1:
-            return self._blocks[0][rows].float()
-        flat = rows.flatten()
+        """Float32 [..., *shape] on the device, of rows int64 [...]."""
+        if self._joined:
+            return self._blocks[0][rows.to(self.device)].float()
+        flat = rows.flatten().cpu()
         block = torch.searchsorted(self._first, flat, right=True) - 1
-        out = torch.empty(len(flat), *self._blocks[0].shape[1:])
+        out = torch.empty(len(flat), *self._blocks[0].shape[1:], device="cpu")
         for k in block.unique().tolist():
             at = (block == k).nonzero()[:, 0]
             out[at] = self._blocks[k][flat[at] - self._first[k]].float()
-        return out.unflatten(0, rows.shape)
+        return out.unflatten(0, rows.shape).to(self.device)
 
 
 class SceneBank:
@@ -90,12 +100,13 @@ class SceneBank:
 
     Args:
         scenes: at least one, all made with the same perception for the same objects.
+        device: where observations and tables are wanted.
 
     Raises:
         SceneError: no scenes, mixed perceptions or objects, or no goal that can be reached.
     """
 
-    def __init__(self, scenes: list[OfflineScene]) -> None:
+    def __init__(self, scenes: list[OfflineScene], device: torch.device = CPU) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
         made_with = {(s.perception, s.objects) for s in scenes}
@@ -105,7 +116,7 @@ class SceneBank:
                 f"found scenes of {len(made_with)} kinds (perceptions {', '.join(identities)}); "
                 "make all of them with the same perception for the same objects"
             )
-        self.scenes = scenes
+        self.scenes, self.device = scenes, device
         self.perception, self.objects = scenes[0].perception, scenes[0].objects
         self.names = [s.name for s in scenes]
         sizes = [s.num_states for s in scenes]
@@ -121,12 +132,12 @@ class SceneBank:
         places = np.cumsum([0, *(len(s.positions) for s in scenes)])
         self.place = torch.from_numpy(
             np.concatenate([s.position + p for s, p in zip(scenes, places, strict=False)])
-        )
-        self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes]))
+        ).to(device)
+        self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes])).to(device)
         self.actions_to = np.full((self.offsets[-1], len(self.objects)), -1, np.int16)
         self.tasks = self._find_tasks()
-        self._features = Blocks([s.features for s in scenes])
-        self._detections = Blocks([s.detections for s in scenes])
+        self._features = Blocks([s.features for s in scenes], device)
+        self._detections = Blocks([s.detections for s in scenes], device)
 
     def _with_offsets(self) -> zip[tuple[OfflineScene, int]]:
         return zip(self.scenes, self.offsets[:-1].tolist(), strict=True)
@@ -150,14 +161,16 @@ class SceneBank:
         return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
 
     @classmethod
-    def load(cls, folder: Path, rooms: Sequence[str] = ()) -> SceneBank:
+    def load(
+        cls, folder: Path, rooms: Sequence[str] = (), device: torch.device = CPU
+    ) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read.
         """
-        return cls(open_scenes(folder, rooms))
+        return cls(open_scenes(folder, rooms), device)
 
     @property
     def inputs(self) -> Inputs:
@@ -166,18 +179,21 @@ class SceneBank:
         return Inputs(first.features.shape[1:], first.detections.shape[2], self.objects)
 
     def observe(self, state: Tensor) -> tuple[Tensor, Tensor]:
-        """Features float32 [..., *F] and detections float32 [..., C, D] of states int64 [...]."""
+        """Features float32 [..., *F] and detections float32 [..., C, D] of states int64 [...].
+
+        They lie on the bank's device.
+        """
         return self._features[state], self._detections[state]
 
     @cached_property
     def paths(self) -> Tensor:
         """float32 [S, C]: shortest driven way (m) from each state to see an object; inf never."""
-        out = torch.full((len(self.scene), len(self.objects)), torch.inf)
+        out = torch.full((len(self.scene), len(self.objects)), torch.inf, device=CPU)
         for k, goal in zip(self.tasks.scene, self.tasks.goal, strict=True):
             states = slice(self.offsets[k], self.offsets[k + 1])
             metres = self.scenes[k].metres_to(goal)[self.scenes[k].position]
             out[states, goal] = torch.from_numpy(metres).float()
-        return out
+        return out.to(self.device)
 
     def sample(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Draw n episodes: start states int64 [n], goals int64 [n]; tasks, then starts, uniform.
@@ -207,6 +223,9 @@ class StepResult:
     truncated: Tensor
 
 
+Rows = TypeVar("Rows", np.ndarray, Tensor)
+
+
 @dataclass(frozen=True)
 class Part:
     """The episodes first..first+batch of ``of`` that run at once, on all ranks together.
@@ -219,7 +238,7 @@ class Part:
     batch: int
     of: int
 
-    def rows(self, all_rows: np.ndarray) -> np.ndarray:
+    def rows(self, all_rows: Rows) -> Rows:
         """One's own of what was drawn for all."""
         return all_rows[self.first : self.first + self.batch]
 
@@ -228,7 +247,7 @@ class ObjectNavEnv:
     """B parallel episodes that restart by themselves.
 
     Args:
-        bank: the scenes.
+        bank: the scenes; the environment lives on its device.
         batch: B, or one's part of all episodes.
         rng: source of all randomness, the same for everybody who runs a part.
     """
@@ -236,15 +255,17 @@ class ObjectNavEnv:
     def __init__(self, bank: SceneBank, batch: int | Part, rng: np.random.Generator) -> None:
         self.bank, self.rng = bank, rng
         self.part = batch if isinstance(batch, Part) else Part(0, batch, batch)
-        self.batch = self.part.batch
-        as_tensor = torch.from_numpy
-        self._room = as_tensor(bank.room)
-        self._next, self._visible = as_tensor(bank.next_state), as_tensor(bank.visible)
-        self._collided, self._limit = as_tensor(bank.collided), as_tensor(bank.step_limit)
+        self.batch, self.device = self.part.batch, bank.device
+        self._room = self._tensor(bank.room)
+        self._next, self._visible = self._tensor(bank.next_state), self._tensor(bank.visible)
+        self._collided, self._limit = self._tensor(bank.collided), self._tensor(bank.step_limit)
         states, goals = bank.sample(self._draw())
-        self.state, self.goal = as_tensor(states), as_tensor(goals)
-        self.steps = torch.zeros(self.batch, dtype=torch.int64)
-        self.collisions = torch.zeros(self.batch, dtype=torch.int64)
+        self.state, self.goal = self._tensor(states), self._tensor(goals)
+        self.steps = torch.zeros(self.batch, dtype=torch.int64, device=self.device)
+        self.collisions = torch.zeros_like(self.steps)
+
+    def _tensor(self, array: np.ndarray) -> Tensor:
+        return torch.from_numpy(array).to(self.device)
 
     def _draw(self) -> np.ndarray:
         return self.part.rows(self.rng.random((self.part.of, 2)))
@@ -290,7 +311,7 @@ class ObjectNavEnv:
             paths: also look up shortest paths, which takes seconds to prepare; 0 otherwise.
         """
         bank, goal, now = self.bank, self.goal, self.state
-        none = torch.zeros(self.batch)
+        none = torch.zeros(self.batch, device=self.device)
         return StepFacts(
             action, success, goal, self._room[now],
             bank.distance[bank.place[before], goal], bank.distance[bank.place[now], goal],
@@ -302,8 +323,8 @@ class ObjectNavEnv:
         """Begin new episodes where ``ended`` (bool [B]); to be called after every step."""
         u, index = self._draw(), ended.nonzero().squeeze(1)
         if len(index):
-            states, goals = self.bank.sample(u[ended.numpy()])
-            self.state = self.state.index_copy(0, index, torch.from_numpy(states))
-            self.goal = self.goal.index_copy(0, index, torch.from_numpy(goals))
+            states, goals = self.bank.sample(u[ended.cpu().numpy()])
+            self.state = self.state.index_copy(0, index, self._tensor(states))
+            self.goal = self.goal.index_copy(0, index, self._tensor(goals))
             self.steps = self.steps.index_fill(0, index, 0)
             self.collisions = self.collisions.index_fill(0, index, 0)

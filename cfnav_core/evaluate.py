@@ -110,7 +110,7 @@ def run_episodes(
                  "true": bank.collided[at].astype(np.float32)}[p_hat]  # fmt: skip
         now = state.rows(alive)
         features, detections = bank.observe(torch.from_numpy(at))
-        sight = Sight(features.numpy(), detections.numpy(), goals[alive], rooms[alive])
+        sight = Sight(features.cpu().numpy(), detections.cpu().numpy(), goals[alive], rooms[alive])
         pi, _ = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:

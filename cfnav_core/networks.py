@@ -153,7 +153,7 @@ class TorchNetworks:
     def zero_state(self, n: int) -> AgentState:
         """See ``Networks``."""
         return AgentState(
-            {k: v.numpy() for k, v in self._model.zero_state(n).items()},
+            {k: v.cpu().numpy() for k, v in self._model.zero_state(n).items()},
             np.zeros((n, *self._predictor.state_shape), np.float32),
             np.zeros((n, NUM_ACTIONS), np.float32),
         )
@@ -166,7 +166,11 @@ class TorchNetworks:
 
         from cfnav_core.models import Seen
 
-        t = torch.from_numpy
+        device = next(self._model.parameters()).device
+
+        def t(array: np.ndarray) -> torch.Tensor:
+            return torch.from_numpy(array).to(device)
+
         was_training = self._model.training
         self._model.eval()
         with torch.no_grad():
@@ -175,7 +179,8 @@ class TorchNetworks:
                 logit, memory = self._predictor(
                     t(sight.features), t(state.previous_action), t(state.predictor)
                 )
-                state.predictor, p_hat = memory.numpy(), torch.sigmoid(logit[:, 0]).numpy()
+                state.predictor = memory.cpu().numpy()
+                p_hat = torch.sigmoid(logit[:, 0]).cpu().numpy()
             fed = p_hat if self._feeds else np.zeros_like(p_hat)
             seen = Seen(
                 **{k: t(v) for k, v in vars(sight).items()},
@@ -184,8 +189,8 @@ class TorchNetworks:
             )
             logits, _, following = self._model(seen, {k: t(v) for k, v in state.policy.items()})
         self._model.train(was_training)
-        state.policy = {k: v.numpy() for k, v in following.items()}
-        return _softmax(logits.numpy()), p_hat.astype(np.float32)
+        state.policy = {k: v.cpu().numpy() for k, v in following.items()}
+        return _softmax(logits.cpu().numpy()), p_hat.astype(np.float32)
 
 
 def _softmax(logits: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ does, up to the rounding of sums.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -35,8 +36,25 @@ class Ranks:
         if not dist.is_torchelastic_launched():
             return cls()
         if not dist.is_initialized():
-            dist.init_process_group("gloo")  # weights and gradients lie in main memory
+            # numbers in main memory go over gloo, gradients on GPUs over NCCL
+            dist.init_process_group("cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "gloo")
         return cls(dist.get_rank(), dist.get_world_size())
+
+    def device(self, name: str) -> torch.device:
+        """The device that ``auto``, ``cpu`` or ``cuda`` means for this process.
+
+        Raises:
+            ValueError: there is no such device.
+        """
+        if name not in ("auto", "cpu", "cuda"):
+            raise ValueError(f"found --device {name}, expected auto, cpu or cuda")
+        if name == "cuda" and not torch.cuda.is_available():
+            raise ValueError("found no GPU that torch can use; leave out --device or give cpu")
+        if name == "cpu" or not torch.cuda.is_available():
+            return torch.device("cpu")
+        device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))
+        torch.cuda.set_device(device)
+        return device
 
     @property
     def leads(self) -> bool:

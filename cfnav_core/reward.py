@@ -66,9 +66,12 @@ class RewardMemory:
     best_similarity: Tensor
 
     @classmethod
-    def start(cls, batch: int, objects: int) -> RewardMemory:
+    def start(
+        cls, batch: int, objects: int, device: torch.device | str = "cpu"
+    ) -> RewardMemory:
         """At the start of B episodes."""
-        return cls(torch.zeros(batch, objects, dtype=torch.bool), torch.zeros(batch))
+        seen = torch.zeros(batch, objects, dtype=torch.bool, device=device)
+        return cls(seen, torch.zeros(batch, device=device))
 
     def forget(self, ended: Tensor) -> RewardMemory:
         """Start again where an episode ended (bool [B])."""
@@ -103,6 +106,10 @@ class RewardTables:
             unit = F.normalize(knowledge.need("words")[0], dim=1)
             similarity = unit @ unit.T
         return cls(parents, similarity)
+
+    def to(self, device: torch.device) -> RewardTables:
+        """On a device."""
+        return RewardTables(self.parents.to(device), self.similarity.to(device))
 
 
 Reward = Callable[[StepFacts, RewardMemory, RewardTables], tuple[Tensor, RewardMemory]]

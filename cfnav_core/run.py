@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch.utils.tensorboard import SummaryWriter
 
 from cfnav_core.agent import new_agent
 from cfnav_core.checkpoint import (
@@ -54,21 +55,28 @@ class Run:
                 f"found {options.workers} asynchronous workers on {self.ranks.size} processes, "
                 "expected one or the other; leave out --workers or torchrun"
             )
+        if options.workers and options.device == "cuda":
+            raise ValueError(
+                f"found {options.workers} asynchronous workers on a GPU, expected them on the CPU; "
+                "leave out --workers or --device"
+            )
+        device = self.ranks.device("cpu" if options.workers else options.device)
         self.method = METHODS[config.method]
-        self.bank = SceneBank.load(options.scenes, options.train_rooms)
-        self.validation = SceneBank.load(options.scenes, options.validation_rooms)
+        self.bank = SceneBank.load(options.scenes, options.train_rooms, device)
+        self.validation = SceneBank.load(options.scenes, options.validation_rooms, device)
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
         torch.manual_seed(config.seed)
         objects, perception = self.bank.objects, self.bank.perception
         known = options.knowledge and load_knowledge(options.knowledge, objects, perception)
         self.knowledge = known or Knowledge()
-        self.agent = new_agent(config, self.bank.inputs, self.knowledge)
+        self.agent = new_agent(config, self.bank.inputs, self.knowledge, device)
         self.model, self.predictor = self.agent.model, self.agent.predictor
         self.optimizer = torch.optim.Adam(self.model.parameters(), self.hp.lr, fused=True)
         policy = {id(p) for p in self.model.parameters()}
         own = [p for p in self.predictor.parameters() if id(p) not in policy]
         self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
         self.episodes, self.steps, self.best = 0, 0, -1.0
+        self._board: SummaryWriter | None = None
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.options.out.mkdir(parents=True, exist_ok=True)
 
@@ -142,9 +150,15 @@ class Run:
         return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
 
     def log(self, figures: dict[str, Any]) -> None:
-        """Append one line to log.jsonl."""
+        """Append one line to log.jsonl, and the same numbers as TensorBoard scalars."""
         with (self.options.out / "log.jsonl").open("a") as file:
             file.write(json.dumps(figures) + "\n")
+        if self._board is None:
+            # scalars of episodes that a killed run lost are hidden
+            self._board = SummaryWriter(self.options.out, purge_step=self.episodes)
+        for name, value in figures.items():
+            self._board.add_scalar(name, value, self.episodes)
+        self._board.flush()
 
     @property
     def stage(self) -> Stage:

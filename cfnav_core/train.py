@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import resource
 import time
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -60,7 +61,7 @@ class Synchronous:
             r = collect_rollout(
                 self.env, run.agent, self.memory, stage, hp.rollout_length, self.generator
             )
-            moved = sum(int(m.sum()) for m in r.moved_ahead)
+            moved = int(torch.stack(r.moved_ahead).sum())
             counts = (r.episodes, r.successes, r.collision_free, r.collisions)
             moves, *summed = ranks.total(moved, *counts)
             loss, collision, figures = losses(r, stage, hp, max(moves, 1) / ranks.size)
@@ -82,6 +83,7 @@ class Synchronous:
 def train(options: TrainOptions) -> Path:
     """Run both stages; returns the best checkpoint of stage two by validation CF-SR."""
     torch.set_num_threads(options.threads)
+    torch.set_float32_matmul_precision(options.precision)
     run = Run(options)
     if options.workers:
         workers = Workers(run)
@@ -102,7 +104,7 @@ def _rounds(run: Run, execution: Execution) -> None:
     bar = tqdm(
         total=run.total, initial=run.episodes, unit="episode", mininterval=5, disable=not leads
     )
-    saved = time.monotonic()
+    saved = since = time.monotonic()
     sums: dict[str, float] = {}
     next_validation = run.episodes + options.validation_every
     while run.episodes < run.total:
@@ -118,8 +120,8 @@ def _rounds(run: Run, execution: Execution) -> None:
             run.save(STAGE1)
         if run.episodes >= next_validation or run.episodes >= run.total:
             next_validation += options.validation_every
-            _validate_and_log(run, sums, bar)
-            sums = {}
+            _validate_and_log(run, sums, since, bar)
+            sums, since = {}, time.monotonic()
         if time.monotonic() - saved > options.checkpoint_s:
             run.save(CHECKPOINT)
             saved = time.monotonic()
@@ -128,10 +130,17 @@ def _rounds(run: Run, execution: Execution) -> None:
     bar.close()
 
 
-def _validate_and_log(run: Run, sums: dict[str, float], bar: tqdm) -> None:
+def peak_memory_mb() -> float:
+    """Largest resident memory of this process so far; pages of mapped files in use count too."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _validate_and_log(run: Run, sums: dict[str, float], since: float, bar: tqdm) -> None:
     ended, updates = max(1.0, sums["ended"]), max(1.0, sums["updates"])
+    now = time.monotonic()
     figures = {
         "episodes": run.episodes, "steps": run.steps,
+        "steps_per_s": sums["steps"] / (now - since), "peak_memory_mb": peak_memory_mb(),
         "sr": sums["successes"] / ended, "cf_sr": sums["collision_free"] / ended,
         "collisions_per_episode": sums["collisions"] / ended, "length": sums["steps"] / ended,
         **{k: v / updates for k, v in sums.items() if k.endswith("loss") or k == "entropy"},
@@ -139,6 +148,7 @@ def _validate_and_log(run: Run, sums: dict[str, float], bar: tqdm) -> None:
     }  # fmt: skip
     run.log(figures)
     bar.set_postfix_str(
+        f"{figures['steps_per_s']:,.0f} steps/s, {figures['peak_memory_mb']:,.0f} MB | "
         f"SR {figures['sr']:.2f} CF-SR {figures['cf_sr']:.2f} | validation "
         f"SR {figures['validation_sr']:.2f} CF-SR {figures['validation_cf_sr']:.2f}"
     )

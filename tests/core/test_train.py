@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from cfnav_core.checkpoint import CheckpointError, load_tensors
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
@@ -47,6 +48,11 @@ def test_learns_a_small_hall_and_collides_less(scenes):
     assert stage1[-1]["collision_loss"] < stage1[0]["collision_loss"]
     assert log[-1]["collisions_per_episode"] < stage1[-1]["collisions_per_episode"]
     assert "collision_loss" not in log[-1]
+    assert log[0]["steps_per_s"] > 0
+    assert 50 < log[0]["peak_memory_mb"] < 4000
+    board = EventAccumulator(str(chosen.out)).Reload()
+    curve = [(point.step, point.value) for point in board.Scalars("validation_cf_sr")]
+    assert curve == [(row["episodes"], pytest.approx(row["validation_cf_sr"])) for row in log]
     run = Run(chosen)
     run.resume()
     bank = SceneBank.load(scenes, ["kitchen:0"])
