@@ -161,9 +161,7 @@ class SceneBank:
         return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
 
     @classmethod
-    def load(
-        cls, folder: Path, rooms: Sequence[str] = (), device: torch.device = CPU
-    ) -> SceneBank:
+    def load(cls, folder: Path, rooms: Sequence[str] = (), device: torch.device = CPU) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
         Raises:

@@ -66,9 +66,7 @@ class RewardMemory:
     best_similarity: Tensor
 
     @classmethod
-    def start(
-        cls, batch: int, objects: int, device: torch.device | str = "cpu"
-    ) -> RewardMemory:
+    def start(cls, batch: int, objects: int, device: torch.device | str = "cpu") -> RewardMemory:
         """At the start of B episodes."""
         seen = torch.zeros(batch, objects, dtype=torch.bool, device=device)
         return cls(seen, torch.zeros(batch, device=device))
