@@ -1,9 +1,9 @@
 """How fast training is, beside what the machine allows: ``python -m cfnav_core.bench_train``.
 
-For each row a process of its own trains on synthetic scenes and reports steps per CPU-second. The
-bound is this machine's rate of matrix multiplies on the network's own shapes, measured in the same
-run, divided by the multiplications of one step of learning, counted by torch. Nothing is asserted;
-the machine's load stands beside the figures.
+For each row a process of its own trains on synthetic scenes and reports steps per CPU-second (on a
+GPU per second). The bound is the device's rate of matrix multiplies on the networks' own shapes,
+measured in the same process, divided by the multiplications of one step of learning, counted by
+torch. Nothing is asserted; the machine's load stands beside the figures.
 """
 
 from __future__ import annotations
@@ -11,23 +11,27 @@ from __future__ import annotations
 import json
 import os
 import platform
+import resource
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 import tyro
+from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.agent import Agent, new_agent
 from cfnav_core.algorithm import Memory, collect_rollout, losses
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
-from cfnav_core.env import ObjectNavEnv, SceneBank
+from cfnav_core.env import CPU, ObjectNavEnv, SceneBank
 from cfnav_core.json_file import write_json
 from cfnav_core.methods import METHODS
 from cfnav_core.models import MODELS, PUBLISHED, Knowledge
@@ -53,6 +57,7 @@ class Row:
     Attributes:
         model: row of ``MODELS``. width: "full" or "compact". method: row of ``METHODS``.
         stage: 1 or 2. parallel: episodes at once in each process. ranks: processes.
+        precision: of multiplications, see ``TrainOptions``. device: "cpu" or "cuda".
     """
 
     model: str
@@ -61,6 +66,8 @@ class Row:
     stage: int = 1
     parallel: int = 64
     ranks: int = 1
+    precision: str = "highest"
+    device: str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,14 @@ def rows(quick: bool) -> list[Row]:
         Row("baseline_label", "full", "plain"), Row("baseline_label", "full", "ours"),
         Row("compact", "compact", "ours"), Row("compact", "compact", "ours", 2),
         Row("baseline_label", "full", "plain", ranks=2),
+        Row("baseline_label", "full", "plain", precision="medium"),
+        Row("baseline_label", "full", "ours", precision="medium"),
     ]  # fmt: skip
+    if torch.cuda.is_available():
+        first += [
+            Row("baseline_label", "full", method, parallel=n, precision="high", device="cuda")
+            for method in ("plain", "ours") for n in (64, 1024, 4096)
+        ]  # fmt: skip
     if quick:
         return first
     models = [Row(m, w, "plain") for m in MODELS for w in ("full", "compact") if m != "compact"]
@@ -95,7 +109,7 @@ def rows(quick: bool) -> list[Row]:
     return list(dict.fromkeys(first + models + growth))
 
 
-def synthetic_bank(shape: str, positions: int = 128) -> SceneBank:
+def synthetic_bank(shape: str, positions: int = 128, device: torch.device = CPU) -> SceneBank:
     """A bare hall with random features, of the given data's shapes."""
     features, detections, count = SHAPES[shape]
     rng, side = np.random.default_rng(0), int(positions**0.5)
@@ -126,7 +140,7 @@ def synthetic_bank(shape: str, positions: int = 128) -> SceneBank:
         positions=np.stack([x, y], 1)[:: HEADINGS * HORIZONS].astype(np.float32) / 4,
         instances=np.ones(count, np.int16),
         distance=rng.random((side * side, count), np.float32),
-    )])  # fmt: skip
+    )], device)  # fmt: skip
 
 
 def synthetic_knowledge(objects: int) -> Knowledge:
@@ -149,7 +163,9 @@ class Bench:
 
     def __init__(self, row: Row) -> None:
         shape = FULL_DATA.get(row.model, "full") if row.width == "full" else "compact"
-        self.bank = synthetic_bank(shape)
+        self.ranks = Ranks.join()
+        self.device = self.ranks.device(row.device)
+        self.bank = synthetic_bank(shape, device=self.device)
         size = PUBLISHED if row.width == "full" else ModelSize()
         config = RunConfig(
             method=row.method, model=row.model, size=size,
@@ -157,8 +173,7 @@ class Bench:
         )  # fmt: skip
         torch.manual_seed(0)
         known = synthetic_knowledge(len(self.bank.objects))
-        self.agent: Agent = new_agent(config, self.bank.inputs, known)
-        self.ranks = Ranks.join()
+        self.agent: Agent = new_agent(config, self.bank.inputs, known, self.device)
         part = self.ranks.part(row.parallel * self.ranks.size)
         self.env = ObjectNavEnv(self.bank, part, np.random.default_rng(0))
         self.memory = Memory.zeros(self.env, self.agent)
@@ -183,20 +198,29 @@ class Bench:
         self.optimizer.step()
         return self.env.part.of * hp.rollout_length
 
+    def time(self) -> float:
+        """CPU-seconds of this process; on a GPU seconds, when all that was asked for is done."""
+        if self.device.type == "cpu":
+            return time.process_time()
+        torch.cuda.synchronize(self.device)
+        return time.monotonic()
+
 
 def measure(row: Row, seconds: float) -> dict[str, Any]:
     """Steps per CPU-second and per second of a row, its multiplications and its peak memory."""
     torch.set_num_threads(1)
+    torch.set_float32_matmul_precision(row.precision)
+    resource.setrlimit(resource.RLIMIT_DATA, 2 * (available_bytes(),))
     bench = Bench(row)
     with FlopCounterMode(display=False) as counter:
         steps = bench.update() / bench.ranks.size
     flops = counter.get_total_flops() / steps
-    cpu, wall, done, going = time.process_time(), time.monotonic(), 0, True
+    start, wall, done, going = bench.time(), time.monotonic(), 0, True
     while going:
         done += bench.update()
         spent = time.monotonic() - wall
         going = bench.ranks.total(spent)[0] < seconds * bench.ranks.size
-    rate = done / bench.ranks.size / (time.process_time() - cpu)
+    rate = done / bench.ranks.size / (bench.time() - start)
     gflops = matmul_gflops(bench, row)
     return {
         **asdict(row), "steps_per_cpu_s": round(rate, 1), "steps_per_s": round(done / spent, 1),
@@ -208,31 +232,59 @@ def measure(row: Row, seconds: float) -> dict[str, Any]:
 
 
 def matmul_gflops(bench: Bench, row: Row, seconds: float = 1.0) -> float:
-    """Rate of multiplies on the shapes of the policy's layers, forward and both gradients.
+    """Rate of multiplies on the shapes of the networks' layers, forward and both gradients.
 
     Every weight [N, K] with as many rows as one step brings it: places of a map for convolutions,
-    episodes for all others. Each shape counts by its share of the multiplications.
+    episodes for all others; the weight gradients of LSTM layers with the rows of a whole rollout.
+    Each shape counts by its share of the multiplications.
     """
-    flops = spent = 0.0
-    modules = [m for m in bench.agent.model.modules() if getattr(m, "weight", None) is not None]
     side = bench.bank.inputs.features[-1] if len(bench.bank.inputs.features) == 3 else 3
-    weights = [(m.weight.flatten(1), row.parallel * side**2) for m in modules
-               if isinstance(m, torch.nn.Conv2d)]  # fmt: skip
-    weights += [(m.weight, row.parallel) for m in modules if isinstance(m, torch.nn.Linear)]
-    cells = [m for m in bench.agent.model.modules() if isinstance(m, torch.nn.LSTMCell)]
-    weights += [(w, row.parallel) for c in cells for w in (c.weight_ih, c.weight_hh)]
+    networks: list[nn.Module] = [bench.agent.model]
+    if bench.stage.train_predictor:
+        networks.append(bench.agent.predictor)
+    products: list[tuple[Tensor, int, int]] = []  # weight, rows of a step, rows of its gradient
+    for module in (m for network in networks for m in network.modules()):
+        if isinstance(module, nn.Conv2d):
+            products.append((module.weight.flatten(1), *2 * (row.parallel * side**2,)))
+        elif isinstance(module, nn.Linear):
+            products.append((module.weight, row.parallel, row.parallel))
+        elif isinstance(module, nn.LSTMCell):
+            whole = row.parallel * bench.hp.rollout_length
+            products += [(w, row.parallel, whole) for w in (module.weight_ih, module.weight_hh)]
+    flops = spent = 0.0
     with torch.no_grad():
-        for weight, batch in weights:
-            x, g = torch.randn(batch, weight.shape[1]), torch.randn(batch, weight.shape[0])
-            for _ in range(2):
-                start, count = time.process_time(), 0
-                while time.process_time() - start < seconds / len(weights) / 2 or not count:
-                    _ = x @ weight.t(), g @ weight, g.t() @ x
-                    count += 1
-                once = (time.process_time() - start) / count
-            flops += 6.0 * batch * weight.numel()
-            spent += once
+        for weight, rows_of_step, rows_of_gradient in products:
+            (n, k), device = weight.shape, weight.device
+            x, g = (torch.randn(rows_of_step, width, device=device) for width in (k, n))
+            xs, gs = (torch.randn(rows_of_gradient, width, device=device) for width in (k, n))
+            for call, length in (
+                (partial(torch.mm, x, weight.t()), rows_of_step),
+                (partial(torch.mm, g, weight), rows_of_step),
+                (partial(torch.mm, gs.t(), xs), rows_of_gradient),
+            ):
+                once = _seconds(bench, call, seconds / len(products) / 3)
+                spent += once * rows_of_step / length
+                flops += 2.0 * n * k * rows_of_step
     return flops / spent / 1e9
+
+
+def _seconds(bench: Bench, call: Callable[[], Tensor], least: float) -> float:
+    """Of one call, the second of two measurements of at least so many seconds."""
+    once = 0.0
+    for _ in range(2):
+        start, count = bench.time(), 0
+        while bench.time() - start < least / 2 or not count:
+            for _ in range(1 + count):  # ever more at once, so that looking at the clock is free
+                call()
+            count += 1 + count
+        once = (bench.time() - start) / count
+    return once
+
+
+def available_bytes() -> int:
+    """Main memory that nobody uses now."""
+    lines = Path("/proc/meminfo").read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
 
 
 def measure_env(parallel: int, seconds: float) -> float:
@@ -253,6 +305,7 @@ def run_row(row: Row, seconds: float) -> dict[str, Any]:
     """Measure a row in processes of its own.
 
     Raises:
+        MemoryError: this machine has too little memory for it.
         RuntimeError: it failed; the message is the last line it wrote.
     """
     launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(row.ranks)]
@@ -261,6 +314,8 @@ def run_row(row: Row, seconds: float) -> dict[str, Any]:
         "--seconds", str(seconds), "--row", json.dumps(asdict(row)),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if "can't allocate memory" in done.stderr or "CUDA out of memory" in done.stderr:
+        raise MemoryError(f"{row} does not fit into {available_bytes() >> 30} GiB")
     if done.returncode:
         raise RuntimeError(f"{row} failed: {done.stderr.strip().splitlines()[-1:]}")
     return dict(json.loads(done.stdout))
@@ -278,12 +333,18 @@ def main() -> None:
     print(f"load {load:.2f} before the start, {os.cpu_count()} cores of {_processor()}")
     measured = []
     for row in rows(options.quick):
-        measured.append(run_row(row, options.seconds))
+        try:
+            measured.append(run_row(row, options.seconds))
+        except MemoryError as error:
+            print(error, flush=True)
+            continue
         print(_line(measured[-1]), flush=True)
     env = {n: round(measure_env(n, 2.0)) for n in (1, 256, 4096, 65_536)}
     print("environment alone, steps/CPU-s: " + ", ".join(f"{n}: {v:,}" for n, v in env.items()))
-    one, two = (next(r for r in measured if (r["model"], r["ranks"]) == ("baseline_label", n))
-                for n in (1, 2))  # fmt: skip
+    one, two = (
+        next(r for r in measured if r["model"] == "baseline_label" and r["ranks"] == n)
+        for n in (1, 2)
+    )
     speedup = round(two["steps_per_s"] / one["steps_per_s"], 2)
     print(f"two processes are {speedup} times as fast as one")
     write_json(options.out / "train.json", {
@@ -296,9 +357,9 @@ def main() -> None:
 def _line(found: dict[str, Any]) -> str:
     return (
         f"{found['model']:<15}{found['width']:<9}{found['method']:<7}stage {found['stage']}  "
-        f"{found['ranks']} x {found['parallel']:>4} episodes  {found['steps_per_cpu_s']:>9.0f} "
-        f"steps/CPU-s  {found['fraction_of_bound']:>5.0%} of the bound  "
-        f"{found['peak_rss_mb']:>5} MB"
+        f"{found['ranks']} x {found['parallel']:>4} episodes  {found['precision']:<8}"
+        f"{found['device']:<5}{found['steps_per_cpu_s']:>9.0f} steps/CPU-s  "
+        f"{found['fraction_of_bound']:>5.0%} of the bound  {found['peak_rss_mb']:>5} MB"
     )
 
 
