@@ -30,8 +30,8 @@ from cfnav_core.published.layouts import (
 )
 from cfnav_core.published.reader import Choice, read_room
 from cfnav_core.published.workers import in_order
-from cfnav_core.scene import OfflineScene
-from cfnav_core.store import HEAD, StoreHead, changed_arrays
+from cfnav_core.scene import OfflineScene, changed_files
+from cfnav_core.store import HEAD, StoreHead
 
 LayoutName = Literal["data1", "data2", "savn"]
 
@@ -139,8 +139,9 @@ class CheckData(Published):
     def run_command(self) -> None:
         """Print one line for each problem."""
         if (self.folder / HEAD).exists():
+            sums = StoreHead.load(self.folder).sha256
             problems = [f"{key}.npy is not as it was written; make the store again"
-                        for key in changed_arrays(self.folder)]  # fmt: skip
+                        for key in changed_files(self.folder, sums)]  # fmt: skip
         else:
             problems = self._problems()
         for line in problems:

@@ -7,8 +7,10 @@ horizon 0 is level and 1 is 30 degrees down.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,10 +92,11 @@ class OfflineScene:
         for key in ARRAYS:
             value = getattr(self, key)
             np.save(partial / f"{key}.npy", np.packbits(value, 1) if key == "visible" else value)
+        sums = {key: sha256(partial / f"{key}.npy") for key in ARRAYS}
         head = {
             "schema": SCHEMA, "name": self.name, "room_type": self.room_type,
             "perception": self.perception, "source": self.source, "states": self.num_states,
-            "objects": self.objects, "goals": self.goals,
+            "objects": self.objects, "goals": self.goals, "sha256": sums,
         }  # fmt: skip
         (partial / "scene.json").write_text(json.dumps(head, indent=1))
         if (folder / PICTURES).exists():
@@ -121,7 +124,9 @@ class OfflineScene:
                 f"found scene schema {head.get('schema')} in {folder}, expected {SCHEMA}; "
                 "make it again with python -m sim_bridge.dataset"
             )
-        needed = {"name", "room_type", "perception", "source", "states", "objects", "goals"}
+        needed = {
+            "name", "room_type", "perception", "source", "states", "objects", "goals", "sha256",
+        }  # fmt: skip
         if missing := sorted(needed - head.keys()):
             raise SceneError(
                 f"found no {', '.join(missing)} in {folder / 'scene.json'}; "
@@ -166,6 +171,28 @@ class OfflineScene:
     def metres_to(self, goal: int) -> np.ndarray:
         """float64 [P]: shortest driven way (m) to a position that sees the category; inf never."""
         return metres_to(self.next_state, self.visible[:, goal], self.position, self.heading)
+
+
+def sha256(path: Path) -> str:
+    """Of a file, as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def changed_files(folder: Path, sums: Mapping[str, str]) -> list[str]:
+    """Names of a folder's arrays whose files no longer have the hashes they were written with.
+
+    Args:
+        folder: holds ``<name>.npy``.
+        sums: SHA-256 by name.
+
+    Raises:
+        SceneError: one cannot be read.
+    """
+    try:
+        return [key for key, expected in sums.items() if sha256(folder / f"{key}.npy") != expected]
+    except OSError as error:
+        raise SceneError(f"found an unreadable array in {folder} ({error})") from error
 
 
 def actions_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ Opened, its scenes are slices of the memory maps: memory does not grow with the 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -163,20 +162,3 @@ def _slice(folder: Path, head: StoreHead, maps: dict[str, np.ndarray], i: int) -
     )
     scene.check(folder, here.states)
     return scene
-
-
-def changed_arrays(folder: Path) -> list[str]:
-    """Arrays of a store whose files no longer have the hashes they were written with.
-
-    Raises:
-        SceneError: the store cannot be read.
-    """
-    changed = []
-    for key, expected in StoreHead.load(folder).sha256.items():
-        try:
-            with (folder / f"{key}.npy").open("rb") as file:
-                if hashlib.file_digest(file, "sha256").hexdigest() != expected:
-                    changed.append(key)
-        except OSError as error:
-            raise SceneError(f"found no readable {key}.npy in {folder} ({error})") from error
-    return changed

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cfnav_core.scene import ARRAYS, OfflineScene, SceneError
-from cfnav_core.store import HEAD, StoreHead, changed_arrays, open_store
+from cfnav_core.scene import ARRAYS, OfflineScene, SceneError, changed_files
+from cfnav_core.store import HEAD, StoreHead, open_store
 from cfnav_core.store_writer import StoreWriter
 
 
@@ -106,7 +106,7 @@ def test_an_interrupted_store_goes_on_behind_its_last_whole_scene(tmp_path, stor
     assert writer.head.names() == ["FloorPlan1"]
     write(folder, THREE[1:], writer)
     assert StoreHead.load(folder) == StoreHead.load(store)  # the hashes of all files too
-    assert changed_arrays(folder) == []
+    assert changed_files(folder, StoreHead.load(folder).sha256) == []
 
 
 def test_killed_before_its_first_scene_was_whole(tmp_path, store):
@@ -139,7 +139,8 @@ def test_damaged_stores(store):
     path = store / "features.npy"
     data = path.read_bytes()
     path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
-    assert changed_arrays(store) == ["features"]
+    sums = StoreHead.load(store).sha256
+    assert changed_files(store, sums) == ["features"]
     path.write_bytes(data[:-1])
     with pytest.raises(SceneError, match="found no readable store"):
         open_store(store)
@@ -151,8 +152,8 @@ def test_damaged_stores(store):
     path.unlink()
     with pytest.raises(SceneError, match="found no readable store"):
         open_store(store)
-    with pytest.raises(SceneError, match=r"found no readable features\.npy"):
-        changed_arrays(store)
+    with pytest.raises(SceneError, match=r"found an unreadable array .*features\.npy"):
+        changed_files(store, sums)
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": 2}', '{"schema": 1}'])
