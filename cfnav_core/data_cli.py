@@ -242,7 +242,7 @@ class FreezeData:
     out: Path
     """JSON file of scene, state and goal of each episode."""
     rooms: Rooms = ()
-    """TYPE:SEED or TYPE:FIRST-LAST; names or splits of a store; every scene when absent."""
+    """TYPE:FIRST-LAST or data2:test; names or splits of a store; every scene when absent."""
     episodes: int = 1000
     """Number of episodes."""
     seed: int = 0

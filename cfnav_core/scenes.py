@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cfnav_core.rooms import parse_rooms
+from cfnav_core.rooms import SPLIT_NAMES, parse_room, parse_rooms, room_folder, rooms_in
 from cfnav_core.scene import OfflineScene, SceneError
 from cfnav_core.store import HEAD, StoreHead, open_store
-
-SPLITS = ("train", "validation", "test")
 
 
 def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
@@ -17,7 +15,7 @@ def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
 
     Args:
         folder: of built-in scenes, or a store.
-        rooms: TYPE:SEED or TYPE:FIRST-LAST; of a store, names of scenes or of its splits (train,
+        rooms: see ``rooms.parse_rooms``; of a store, names of scenes or of its splits (train,
             validation, test). All scenes when empty.
 
     Raises:
@@ -27,12 +25,9 @@ def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
     if (folder / HEAD).exists():
         head, names = StoreHead.load(folder), []
         for room in rooms:
-            names += head.names(room) if room in SPLITS else [room]
+            names += head.names(room) if room in SPLIT_NAMES else [room]
         return names if rooms else head.names()
-    if rooms:
-        return [f"{kind}:{seed}" for kind, seed in parse_rooms(rooms)]
-    found = sorted(p.parent.name for p in folder.glob("*/scene.json"))
-    return [f"{kind}:{int(seed)}" for kind, _, seed in (n.rpartition("_") for n in found)]
+    return [f"{kind}:{seed}" for kind, seed in (parse_rooms(rooms) if rooms else rooms_in(folder))]
 
 
 def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
@@ -50,5 +45,4 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
         )
     if (folder / HEAD).exists():
         return open_store(folder, names)
-    rooms_on_disk = (name.split(":") for name in names)
-    return [OfflineScene.load(folder / f"{kind}_{int(seed):05d}") for kind, seed in rooms_on_disk]
+    return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]

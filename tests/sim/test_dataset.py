@@ -67,7 +67,8 @@ def test_views_carry_consistent_labels(tmp_path):
     ("arguments", "sentence"),
     [
         (["--rooms", "attic:1"], "expected TYPE:SEED"),
-        ([], "found no rooms"),
+        (["--rooms", "data3:test"], "data2:train, data2:validation, data2:test"),
+        (["--views", "2"], "found --views without --rooms"),
         (["--rooms", "kitchen:1", "--perception", "nowhere.onnx"], "no usable perception"),
     ],
 )
