@@ -16,7 +16,7 @@ from tqdm import tqdm
 from cfnav_core.config import Rooms
 from cfnav_core.knowledge.command import KnowledgeCommand
 from cfnav_core.published import start_states
-from cfnav_core.published.check import check_alike, check_root, check_scene
+from cfnav_core.published.check import check_root, check_scene
 from cfnav_core.published.convert import convert
 from cfnav_core.published.layouts import (
     LAYOUTS,
@@ -30,7 +30,9 @@ from cfnav_core.published.layouts import (
 )
 from cfnav_core.published.reader import Choice, read_room
 from cfnav_core.published.workers import in_order
-from cfnav_core.scene import OfflineScene, changed_files
+from cfnav_core.rooms import SPLITS, room_folder, rooms_in, split_of
+from cfnav_core.scene import OfflineScene
+from cfnav_core.scene_check import check_alike, check_rooms, check_store
 from cfnav_core.store import HEAD, StoreHead
 
 LayoutName = Literal["data1", "data2", "savn"]
@@ -77,7 +79,7 @@ class InfoData:
         if (self.folder / HEAD).exists():
             head = StoreHead.load(self.folder)
             title, rows = f"store of {head.layout}, {head.perception}", list(_stored(head))
-        elif any(self.folder.glob("*/scene.json")):
+        elif rooms_in(self.folder):
             title, rows = "built-in scenes", list(_built_in(self.folder))
         else:
             root, layout = open_root(self.folder, self.layout)
@@ -96,8 +98,9 @@ def _stored(head: StoreHead) -> Iterator[Row]:
 
 
 def _built_in(folder: Path) -> Iterator[Row]:
-    for path in sorted(folder.glob("*/scene.json")):
-        yield _row(OfflineScene.load(path.parent), "-")
+    for kind, seed in rooms_in(folder):
+        splits = (f"{name}:{split}" for name in SPLITS if (split := split_of(name, seed)))
+        yield _row(OfflineScene.load(room_folder(folder, kind, seed)), " ".join(splits) or "-")
 
 
 def _published(root: Path, layout: Layout) -> Iterator[Row]:
@@ -128,7 +131,7 @@ def table(rows: Sequence[Row]) -> str:
 
 @dataclass(frozen=True)
 class CheckData(Published):
-    """Say what is missing or inconsistent in a published data set, or changed in a store.
+    """Say what is missing, inconsistent or changed in a data set: published, store or built-in.
 
     Exit code 1 when there is anything.
     """
@@ -139,9 +142,9 @@ class CheckData(Published):
     def run_command(self) -> None:
         """Print one line for each problem."""
         if (self.folder / HEAD).exists():
-            sums = StoreHead.load(self.folder).sha256
-            problems = [f"{key}.npy is not as it was written; make the store again"
-                        for key in changed_files(self.folder, sums)]  # fmt: skip
+            problems = check_store(self.folder, self.quick)
+        elif rooms_in(self.folder):
+            problems = check_rooms(self.folder, self.quick)
         else:
             problems = self._problems()
         for line in problems:
@@ -157,7 +160,8 @@ class CheckData(Published):
         bar = tqdm(in_order(work, folders, self.processes), total=len(folders), unit="scene")
         checked = {folder.name: one for folder, one in bar}
         lines = [f"{name}: {line}" for name, one in checked.items() for line in one.problems]
-        return [*check_root(root, choice.layout, folders), *check_alike(checked), *lines]
+        alike = check_alike({name: one.made_with for name, one in checked.items()})
+        return [*check_root(root, choice.layout, folders), *alike, *lines]
 
 
 @dataclass(frozen=True)

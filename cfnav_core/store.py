@@ -160,5 +160,5 @@ def _slice(folder: Path, head: StoreHead, maps: dict[str, np.ndarray], i: int) -
     scene = OfflineScene(
         here.name, here.room_type, head.perception, head.source, head.objects, here.goals, **arrays
     )
-    scene.check(folder, here.states)
+    scene.check(f"{here.name} of {folder}", here.states)
     return scene

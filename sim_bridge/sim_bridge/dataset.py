@@ -26,7 +26,7 @@ from cfnav_core.bundle import shipped_bundle
 from cfnav_core.perception import INPUT_SIZE, Perception, preprocess
 from cfnav_core.picture_set import COARSE, HEAT, PictureSet
 from cfnav_core.rooms import parse_rooms, room_folder
-from cfnav_core.scene import PICTURES, OfflineScene, SceneError
+from cfnav_core.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.vocabulary import CATEGORIES
 from sim_bridge.room import Room, generate_room
 
@@ -89,8 +89,7 @@ def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_picture
     if old is None:
         scene, pictures = _render(kind, seed)
         if keep_pictures:
-            folder.mkdir(parents=True, exist_ok=True)
-            np.save(folder / PICTURES, pictures)
+            _keep(folder, pictures)
     else:
         scene, pictures = old, np.load(folder / PICTURES, mmap_mode="r")
     rows = [observe(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
@@ -102,14 +101,32 @@ def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_picture
     return len(pictures)
 
 
+def _keep(folder: Path, pictures: np.ndarray) -> None:
+    partial = folder / f"partial_{PICTURES}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(partial, pictures)
+        partial.replace(folder / PICTURES)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise SceneError(f"found no way to write {partial} ({error}); make room and run the same "
+                         "command again") from error  # fmt: skip
+
+
 def _kept(folder: Path) -> OfflineScene | None:
     """The scene whose pictures can be used again."""
+    scene = _whole(folder)
+    same = scene and scene.source == source_identity() and (folder / PICTURES).exists()
+    return scene if same else None
+
+
+def _whole(folder: Path) -> OfflineScene | None:
+    """The scene of a folder; None when it is missing or damaged, so that it is made again."""
     try:
-        scene = OfflineScene.load(folder)
+        changed = changed_files(folder, read_head(folder)["sha256"])
+        return None if changed else OfflineScene.load(folder)
     except SceneError:
         return None
-    same = scene.source == source_identity() and (folder / PICTURES).exists()
-    return scene if same else None
 
 
 def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
@@ -206,12 +223,9 @@ def _heat(category: np.ndarray) -> np.ndarray:
 def _finished(folder: Path, views: int, perception: Path) -> bool:
     if views:
         return (folder / "set.json").exists()
-    try:
-        scene = OfflineScene.load(folder)
-    except SceneError:
-        return False
+    scene = _whole(folder)
     made_with = (Perception(perception).identity, source_identity())
-    return (scene.perception, scene.source) == made_with
+    return scene is not None and (scene.perception, scene.source) == made_with
 
 
 def run(options: Options) -> None:

@@ -16,6 +16,7 @@ from cfnav_core.perception import Perception, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.picture_set import PictureSet
 from cfnav_core.scene import OfflineScene
+from cfnav_core.scene_check import check_rooms
 from cfnav_core.vocabulary import CATEGORIES
 
 
@@ -42,11 +43,17 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
             np.testing.assert_array_equal(
                 scene.visible[state], camera.visible_categories(pose, camera.owner_pixels(pose))
             )
-    # a second run renders nothing; another perception makes features again from the pictures
+    # a second run renders nothing
     run(options)
     assert "1 were there already" in capsys.readouterr().out
+    # a room that was damaged since is made again
+    (tmp_path / "bathroom_00003/collided.npy").write_bytes(b"")
+    run(options)
+    assert "0 were there already" in capsys.readouterr().out
+    assert check_rooms(tmp_path) == []
     torch.manual_seed(1)
     export_perception(PerceptionNet(), tmp_path / "other.onnx")
+    # another perception makes features again from the pictures
     run(Options(["bathroom:3"], tmp_path, tmp_path / "other.onnx", processes=1))
     again = OfflineScene.load(tmp_path / "bathroom_00003")
     assert again.perception != scene.perception

@@ -18,6 +18,7 @@ from cfnav_core.published.layouts import LAYOUTS, scene_folders
 from cfnav_core.published.reader import Choice, read_scene
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.store import StoreHead, open_store
+from tests.core.worlds import hall
 
 from . import drawn
 from .test_store import assert_same, scene
@@ -57,9 +58,24 @@ def test_info_of_a_published_folder(cfnav, data1):
 
 def test_info_of_built_in_scenes(cfnav, tmp_path):
     scene("kitchen:7", 4).save(tmp_path / "kitchen_00007")
+    scene("kitchen:30", 4).save(tmp_path / "kitchen_00030")
     code, out, _ = cfnav("info", tmp_path)
     assert code == 0
-    assert out.splitlines()[2].split() == ["kitchen:7", "kitchen", "-", "4", "64", "2"]
+    assert [line.split() for line in out.splitlines()[2:4]] == [
+        ["kitchen:7", "kitchen", "data1:train", "data2:train", "4", "64", "2"],
+        ["kitchen:30", "kitchen", "-", "4", "64", "2"],
+    ]
+
+
+def test_check_of_built_in_scenes(cfnav, tmp_path):
+    hall(name="kitchen:7").save(tmp_path / "kitchen_00007")
+    assert cfnav("check", tmp_path)[:2] == (0, f"{tmp_path}: no problems\n")
+    np.save(tmp_path / "kitchen_00007/heading.npy", np.zeros(3, np.int8))
+    code, out, _ = cfnav("check", tmp_path)
+    assert code == 1
+    assert "heading.npy changed since it was written" in out
+    assert "found heading of shape (3,)" in out
+    assert out.endswith(": 2 problems\n")
 
 
 def test_convert_in_two_processes_then_info_and_check(cfnav, data2, tmp_path):
@@ -81,7 +97,7 @@ def test_convert_in_two_processes_then_info_and_check(cfnav, data2, tmp_path):
         file.write(b"\x07")
     code, out, _ = cfnav("check", store)
     assert code == 1
-    assert "collided.npy is not as it was written" in out
+    assert "collided.npy changed since it was written" in out
     code, _, err = cfnav("convert", data2, "--out", store)
     assert code == 2
     assert "already; remove it or name another folder" in err
