@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from cfnav_core.config import Rooms
 from cfnav_core.knowledge.command import KnowledgeCommand
+from cfnav_core.pack import pack
 from cfnav_core.published import start_states
 from cfnav_core.published.check import check_root, check_scene
 from cfnav_core.published.convert import convert
@@ -78,7 +79,7 @@ class InfoData:
         """Print the table."""
         if (self.folder / HEAD).exists():
             head = StoreHead.load(self.folder)
-            title, rows = f"store of {head.layout}, {head.perception}", list(_stored(head))
+            title, rows = f"store of {head.made_from}", list(_stored(head))
         elif rooms_in(self.folder):
             title, rows = "built-in scenes", list(_built_in(self.folder))
         else:
@@ -166,18 +167,34 @@ class CheckData(Published):
 
 @dataclass(frozen=True)
 class ConvertData(Published):
-    """Convert a published data set into one memory-mapped store. Run it again to go on."""
+    """Convert a published data set, or pack built-in scenes, into one memory-mapped store.
+
+    Run it again to go on.
+    """
 
     out: Path = Path("out/store")
     """Folder of the store; must not be there yet."""
     drop_bad: bool = False
     """Leave out states with odd keys or without numbers, instead of refusing their scene."""
+    split: Literal["data1", "data2"] | None = None
+    """How built-in scenes are split into train, validation and test."""
 
     def run_command(self) -> None:
         """Convert."""
-        root, folders, choice = self.contents(self.drop_bad)
-        _end_by_signal()
-        head = convert(root, folders, choice, self.out, self.processes)
+        if rooms_in(self.folder):
+            if self.split is None or self.layout or self.features or self.drop_bad:
+                raise ValueError(
+                    f"found built-in scenes in {self.folder}; say how to split them with --split "
+                    "data1 or --split data2, and nothing but --out beside it"
+                )
+            head = pack(self.folder, self.split, self.out)
+        else:
+            root, folders, choice = self.contents(self.drop_bad)
+            if self.split:
+                raise ValueError(f"found --split {self.split} for {root}, but published data has "
+                                 "splits of its own; leave it out")  # fmt: skip
+            _end_by_signal()
+            head = convert(root, folders, choice, self.out, self.processes)
         states = sum(s.states for s in head.scenes)
         print(f"{len(head.scenes)} scenes, {states} states in {self.out}")
 

@@ -67,9 +67,9 @@ def _rooms(text: str) -> list[tuple[str, int]]:
     return [(name, seed) for seed in range(int(first), int(last) + 1)]
 
 
-def split_of(name: str, seed: int) -> str | None:
-    """Split that a row of ``SPLITS`` puts a seed into; None when it has no such seed."""
-    return next((split for split, seeds in SPLITS[name].items() if seed in seeds), None)
+def split_of(name: str, seed: int) -> str:
+    """Split that a row of ``SPLITS`` puts a seed into; empty when it has no such seed."""
+    return next((split for split, seeds in SPLITS[name].items() if seed in seeds), "")
 
 
 def room_folder(folder: Path, kind: str, seed: int) -> Path:

@@ -27,19 +27,32 @@ def check_rooms(folder: Path, quick: bool = False) -> list[str]:
     lines: list[str] = []
     made_with: dict[str, str] = {}
     for kind, seed in tqdm(rooms_in(folder), unit="scene", leave=False):
-        path = room_folder(folder, kind, seed)
-        again = f"remove {path} and run python -m sim_bridge.dataset again"
-        try:
-            lines += check_sums(path, {} if quick else read_head(path)["sha256"], again)
-            scene = OfflineScene.load(path)
-        except SceneError as error:
-            lines.append(str(error))
-            continue
-        if scene.name != f"{kind}:{seed}":
-            lines.append(f"found {scene.name} in {path}, expected {kind}:{seed}; {again}")
-        made_with[scene.name] = f"perception {scene.perception} and program {scene.source}"
-        lines += check_values(scene, path, again, quick)
+        scene, found = check_room(folder, kind, seed, quick)
+        lines += found
+        if scene:
+            made_with[scene.name] = f"perception {scene.perception} and program {scene.source}"
     return [*check_alike(made_with), *lines]
+
+
+def check_room(
+    folder: Path, kind: str, seed: int, quick: bool = False
+) -> tuple[OfflineScene | None, list[str]]:
+    """Look through one scene of a folder of built-in scenes.
+
+    Returns:
+        The scene, if it can be opened, and what is wrong.
+    """
+    path = room_folder(folder, kind, seed)
+    again = f"remove {path} and run python -m sim_bridge.dataset again"
+    lines: list[str] = []
+    try:
+        lines += check_sums(path, {} if quick else read_head(path)["sha256"], again)
+        scene = OfflineScene.load(path)
+    except SceneError as error:
+        return None, [*lines, str(error)]
+    if scene.name != f"{kind}:{seed}":
+        lines.append(f"found {scene.name} in {path}, expected {kind}:{seed}; {again}")
+    return scene, [*lines, *check_values(scene, path, again, quick)]
 
 
 def check_store(folder: Path, quick: bool = False) -> list[str]:

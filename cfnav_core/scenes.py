@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cfnav_core.rooms import SPLIT_NAMES, parse_room, parse_rooms, room_folder, rooms_in
 from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.store import HEAD, StoreHead, open_store
+from cfnav_core.store import BUILT_IN, HEAD, StoreHead, open_store
 
 
 def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
@@ -15,8 +15,8 @@ def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
 
     Args:
         folder: of built-in scenes, or a store.
-        rooms: see ``rooms.parse_rooms``; of a store, names of scenes or of its splits (train,
-            validation, test). All scenes when empty.
+        rooms: see ``rooms.parse_rooms``; of a store also its splits (train, validation, test), and
+            names of scenes where it is of published data. All scenes when empty.
 
     Raises:
         SceneError: the store is damaged.
@@ -25,9 +25,16 @@ def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
     if (folder / HEAD).exists():
         head, names = StoreHead.load(folder), []
         for room in rooms:
-            names += head.names(room) if room in SPLIT_NAMES else [room]
-        return names if rooms else head.names()
-    return [f"{kind}:{seed}" for kind, seed in (parse_rooms(rooms) if rooms else rooms_in(folder))]
+            if room in SPLIT_NAMES:
+                names += head.names(room)
+            else:
+                names += _built_in([room]) if head.layout == BUILT_IN else [room]
+        return list(dict.fromkeys(names)) if rooms else head.names()
+    return _built_in(rooms) if rooms else [f"{kind}:{seed}" for kind, seed in rooms_in(folder)]
+
+
+def _built_in(rooms: Sequence[str]) -> list[str]:
+    return [f"{kind}:{seed}" for kind, seed in parse_rooms(rooms)]
 
 
 def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:

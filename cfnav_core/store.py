@@ -19,6 +19,8 @@ from cfnav_core.scene import ARRAYS, OfflineScene, SceneError
 
 SCHEMA = 1
 HEAD = "store.json"
+BUILT_IN = "built-in"
+"""Layout of a store of built-in scenes."""
 
 OVER_POSITIONS = ("positions", "distance")
 """Arrays with a row for each position; ``instances`` has one a scene, all others one a state."""
@@ -52,8 +54,8 @@ class StoreHead:
     """``store.json``.
 
     Attributes:
-        layout: name of the published data set.
-        made_from: what the store was made from and how; an interrupted one goes on only with it.
+        layout: name of the published data set, or ``BUILT_IN``.
+        made_from: what the store was made from and how; until it is finished, also where.
         perception: identity of what made features and detections.
         source: identity of what made the rooms.
         objects: rows of the detections.

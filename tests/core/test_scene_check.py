@@ -28,7 +28,7 @@ def folder_of(folder: Path, scenes: list[OfflineScene]) -> Path:
 
 
 def store_of(folder: Path, scenes: list[OfflineScene]) -> Path:
-    writer = StoreWriter(folder, "data2", "drawn")
+    writer = StoreWriter(folder, "data2", "drawn", folder)
     for scene in scenes:
         writer.append(scene, "train")
     writer.finish()

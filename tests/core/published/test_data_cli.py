@@ -103,6 +103,26 @@ def test_convert_in_two_processes_then_info_and_check(cfnav, data2, tmp_path):
     assert "already; remove it or name another folder" in err
 
 
+def test_convert_packs_built_in_scenes(cfnav, tmp_path):
+    rooms, store = tmp_path / "rooms", tmp_path / "store"
+    scene = hall(name="kitchen:20")
+    scene.save(rooms / "kitchen_00020")
+    code, out, _ = cfnav("convert", rooms, "--split", "data1", "--out", store)
+    assert (code, out) == (0, f"1 scenes, {scene.num_states} states in {store}\n")
+    assert "kitchen:20  kitchen    validation" in cfnav("info", store)[1]
+    assert cfnav("check", store)[:2] == (0, f"{store}: no problems\n")
+    for wrong in ((), ("--split", "data1", "--drop-bad")):
+        code, _, err = cfnav("convert", rooms, "--out", tmp_path / "other", *wrong)
+        assert code == 2
+        assert "say how to split them with --split data1 or --split data2" in err
+
+
+def test_published_data_has_its_own_splits(cfnav, data2, tmp_path):
+    code, _, err = cfnav("convert", data2, "--split", "data2", "--out", tmp_path / "store")
+    assert code == 2
+    assert "published data has splits of its own" in err
+
+
 def test_convert_goes_on_after_a_scene_was_mended(cfnav, data2, tmp_path):
     root, store = tmp_path / "copy", tmp_path / "store"
     shutil.copytree(data2, root)
