@@ -20,9 +20,11 @@ from torch import Tensor
 
 from cfnav_core.actions import Action
 from cfnav_core.models import Inputs
+from cfnav_core.published.draw import chances
+from cfnav_core.published.layouts import Layout
 from cfnav_core.reward import StepFacts
 from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.scenes import open_scenes
+from cfnav_core.scenes import layout_of, open_scenes
 from cfnav_core.vocabulary import ROOM_TYPES
 
 STEP_LIMIT = 100
@@ -43,7 +45,9 @@ class Tasks:
     Attributes:
         scene, goal: int64 [K], row of the bank's scenes, and object.
         first, count: int64 [K], where its possible starts lie in ``starts``.
-        starts: int64 [N], level states from which the goal can be reached but is not seen yet.
+        starts: int64 [N], level states from which the goal can be reached; of built-in rooms only
+            those that do not see it yet.
+        upto: float64 [K], running sum of the tasks' probabilities; None where all are alike.
     """
 
     scene: np.ndarray
@@ -51,6 +55,7 @@ class Tasks:
     first: np.ndarray
     count: np.ndarray
     starts: np.ndarray
+    upto: np.ndarray | None
 
 
 class Blocks:
@@ -87,12 +92,14 @@ class SceneBank:
 
     Args:
         scenes: at least one, all made with the same perception for the same objects.
+        layout: published data set whose rule draws the episodes (see ``published.draw``); without
+            one, tasks and then starts are drawn alike.
 
     Raises:
         SceneError: no scenes, mixed perceptions or objects, or no goal that can be reached.
     """
 
-    def __init__(self, scenes: list[OfflineScene]) -> None:
+    def __init__(self, scenes: list[OfflineScene], layout: Layout | None = None) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
         made_with = {(s.perception, s.objects) for s in scenes}
@@ -121,21 +128,22 @@ class SceneBank:
         )
         self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes]))
         self.actions_to = np.full((self.offsets[-1], len(self.objects)), -1, np.int16)
-        self.tasks = self._find_tasks()
+        self.tasks = self._find_tasks(layout)
         self._features = Blocks([s.features for s in scenes])
         self._detections = Blocks([s.detections for s in scenes])
 
     def _with_offsets(self) -> zip[tuple[OfflineScene, int]]:
         return zip(self.scenes, self.offsets[:-1].tolist(), strict=True)
 
-    def _find_tasks(self) -> Tasks:
+    def _find_tasks(self, layout: Layout | None) -> Tasks:
         scene, goals, starts = [], [], []
+        nearest = 0 if layout else 1
         for k, (s, offset) in enumerate(self._with_offsets()):
             for name in s.goals:
                 goal = self.objects.index(name)
                 distance = s.actions_to(goal)
                 self.actions_to[offset : offset + s.num_states, goal] = distance
-                found = np.nonzero((distance >= 1) & (s.horizon == 0))[0]
+                found = np.nonzero((distance >= nearest) & (s.horizon == 0))[0]
                 if len(found):
                     scene.append(k)
                     goals.append(goal)
@@ -144,17 +152,25 @@ class SceneBank:
             raise SceneError(f"found no goal that can be reached in {', '.join(self.names)}")
         count = np.array([len(x) for x in starts])
         first = np.cumsum([0, *count])[:-1]
-        return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
+        upto = None
+        if layout:
+            instances = [self.scenes[k].instances[g] for k, g in zip(scene, goals, strict=True)]
+            room = self.room[self.offsets[scene]]
+            upto = np.cumsum(chances(layout, np.array(scene), room, np.array(instances)))
+            upto /= upto[-1]
+        return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts), upto)
 
     @classmethod
     def load(cls, folder: Path, rooms: Sequence[str] = ()) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
+        A store of published data draws as its code does.
+
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read.
         """
-        return cls(open_scenes(folder, rooms))
+        return cls(open_scenes(folder, rooms), layout_of(folder))
 
     @property
     def inputs(self) -> Inputs:
@@ -177,12 +193,15 @@ class SceneBank:
         return out
 
     def sample(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Draw n episodes: start states int64 [n], goals int64 [n]; tasks, then starts, uniform.
+        """Draw n episodes: start states int64 [n], goals int64 [n]; starts of a task uniform.
 
         Args:
             u: float64 [n, 2], uniform in [0, 1).
         """
-        k = (u[:, 0] * len(self.tasks.goal)).astype(np.int64)
+        if self.tasks.upto is None:
+            k = (u[:, 0] * len(self.tasks.goal)).astype(np.int64)
+        else:
+            k = np.searchsorted(self.tasks.upto, u[:, 0], side="right")
         start = self.tasks.first[k] + (u[:, 1] * self.tasks.count[k]).astype(np.int64)
         return self.tasks.starts[start], self.tasks.goal[k]
 

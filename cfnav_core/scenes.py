@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from cfnav_core.published.layouts import LAYOUTS, Layout
 from cfnav_core.rooms import SPLIT_NAMES, parse_room, parse_rooms, room_folder, rooms_in
 from cfnav_core.scene import OfflineScene, SceneError
 from cfnav_core.store import BUILT_IN, HEAD, StoreHead, open_store
@@ -53,3 +54,18 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
     if (folder / HEAD).exists():
         return open_store(folder, names)
     return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]
+
+
+def layout_of(folder: Path) -> Layout | None:
+    """The published data set that a store was made from; None for built-in scenes.
+
+    Raises:
+        SceneError: the store is damaged.
+    """
+    name = StoreHead.load(folder).layout if (folder / HEAD).exists() else BUILT_IN
+    if name == BUILT_IN:
+        return None
+    if name not in LAYOUTS:
+        raise SceneError(f"found layout {name!r} in {folder / HEAD}, expected {BUILT_IN}, "
+                         f"{', '.join(LAYOUTS)}; make the store again")  # fmt: skip
+    return LAYOUTS[name]

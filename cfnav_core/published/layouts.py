@@ -81,7 +81,7 @@ class Layout:
         splits: row of ``rooms.SPLITS``; its seed 0 is room 1 of a type.
         room_types_in_turn: training goes through the room types and draws a room of that type;
             otherwise it draws from all rooms. Either way the target is drawn by the number of its
-            instances and the start among all states, made level.
+            instances (``draw.chances``) and the start among all states, made level.
     """
 
     name: str
