@@ -96,10 +96,11 @@ class SceneBank:
             one, tasks and then starts are drawn alike.
 
     Raises:
-        SceneError: no scenes, mixed perceptions or objects, or no goal that can be reached.
+        SceneError: no scenes, mixed perceptions or objects, or a scene without a goal that can be
+            reached.
     """
 
-    def __init__(self, scenes: list[OfflineScene], layout: Layout | None = None) -> None:
+    def __init__(self, scenes: list[OfflineScene], *, layout: Layout | None = None) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
         made_with = {(s.perception, s.objects) for s in scenes}
@@ -148,8 +149,11 @@ class SceneBank:
                     scene.append(k)
                     goals.append(goal)
                     starts.append(found + offset)
-        if not starts:
-            raise SceneError(f"found no goal that can be reached in {', '.join(self.names)}")
+        if idle := [name for k, name in enumerate(self.names) if k not in scene]:
+            raise SceneError(
+                f"found no goal that can be reached in {', '.join(idle)}, so no episode; leave "
+                "that scene out, or mend it (cfnav data check)"
+            )
         count = np.array([len(x) for x in starts])
         first = np.cumsum([0, *count])[:-1]
         upto = None
@@ -170,7 +174,7 @@ class SceneBank:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read.
         """
-        return cls(open_scenes(folder, rooms), layout_of(folder))
+        return cls(open_scenes(folder, rooms), layout=layout_of(folder))
 
     @property
     def inputs(self) -> Inputs:

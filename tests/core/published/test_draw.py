@@ -31,17 +31,16 @@ SCENES = [
     scene("FloorPlan1", "kitchen", Chair=3, Sink=1),
     scene("FloorPlan2", "kitchen", Sink=2),
     scene("FloorPlan3", "kitchen", Bowl=1, Chair=2, Sink=1),
-    scene("FloorPlan4", "kitchen"),  # nothing to look for
     scene("FloorPlan401", "bathroom", Sink=1, Towel=1),
 ]
 IN_ITS_SCENE = {
     (0, "Chair"): 3 / 4, (0, "Sink"): 1 / 4, (1, "Sink"): 1, (2, "Bowl"): 1 / 4,
-    (2, "Chair"): 2 / 4, (2, "Sink"): 1 / 4, (4, "Sink"): 1 / 2, (4, "Towel"): 1 / 2,
+    (2, "Chair"): 2 / 4, (2, "Sink"): 1 / 4, (3, "Sink"): 1 / 2, (3, "Towel"): 1 / 2,
 }  # fmt: skip
 OF_SCENE = {
-    "data1": {0: 1 / 4, 1: 1 / 4, 2: 1 / 4, 4: 1 / 4},
-    "data2": {0: 1 / 6, 1: 1 / 6, 2: 1 / 6, 4: 1 / 2},
-    "savn": {0: 1 / 6, 1: 1 / 6, 2: 1 / 6, 4: 1 / 2},
+    "data1": {0: 1 / 4, 1: 1 / 4, 2: 1 / 4, 3: 1 / 4},
+    "data2": {0: 1 / 6, 1: 1 / 6, 2: 1 / 6, 3: 1 / 2},
+    "savn": {0: 1 / 6, 1: 1 / 6, 2: 1 / 6, 3: 1 / 2},
 }
 
 
