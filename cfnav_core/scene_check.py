@@ -26,7 +26,11 @@ def check_rooms(folder: Path, quick: bool = False) -> list[str]:
     """
     lines: list[str] = []
     made_with: dict[str, str] = {}
-    for kind, seed in tqdm(rooms_in(folder), unit="scene", leave=False):
+    rooms = rooms_in(folder)
+    finished = {room_folder(folder, *room) for room in rooms}
+    others = [p.name for p in sorted(folder.glob("*_[0-9]*/")) if p not in finished]
+    lines += counted(others, f"folders in {folder} are no finished rooms")
+    for kind, seed in tqdm(rooms, unit="scene", leave=False):
         scene, found = check_room(folder, kind, seed, quick)
         lines += found
         if scene:

@@ -94,7 +94,16 @@ def test_what_is_gone_leaves_the_others_checked(tmp_path):
     assert len(others) == 2
     assert all("kitchen_00001" in line for line in others)
     (rooms / "kitchen_00001/scene.json").write_text("{")
-    assert len(check_rooms(rooms)) == 2
+    assert ["kitchen_00001" in line for line in check_rooms(rooms)] == [False, True]
+
+
+def test_rooms_that_are_not_finished(tmp_path):
+    rooms = folder_of(tmp_path, SCENES)
+    (rooms / "kitchen_00001").rename(rooms / "kitchen_00001.partial")
+    (rooms / "bedroom_00004").mkdir()
+    assert check_rooms(rooms) == [
+        f"2 folders in {rooms} are no finished rooms, first bedroom_00004"
+    ]
 
 
 def test_scenes_that_do_not_belong_together(tmp_path):

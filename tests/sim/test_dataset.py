@@ -15,7 +15,7 @@ from sim_bridge.world import World
 from cfnav_core.perception import Perception, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.picture_set import PictureSet
-from cfnav_core.scene import OfflineScene
+from cfnav_core.scene import PICTURES, OfflineScene
 from cfnav_core.scene_check import check_rooms
 from cfnav_core.vocabulary import CATEGORIES
 
@@ -68,6 +68,32 @@ def test_views_carry_consistent_labels(tmp_path):
     # what is visible has pixels
     assert (shown[views.visible] >= 40).all()
     assert 0.3 < views.depth.astype(float).mean() < 6
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from sim_bridge.dataset import _keep
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, resource.RLIM_INFINITY))
+try:
+    _keep(Path(sys.argv[1]), np.zeros(9000, np.uint8))
+except ValueError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_leaves_the_pictures_that_were_there(tmp_path):
+    np.save(tmp_path / PICTURES, np.ones(3))
+    # the kernel refuses to write files beyond 5000 bytes
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path)],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    assert done.stdout.startswith(f"found no way to write {tmp_path}/partial_pictures.npy (")
+    assert done.stdout.endswith("); make room and run the same command again\n")
+    assert [p.name for p in tmp_path.iterdir()] == [PICTURES]
+    np.testing.assert_array_equal(np.load(tmp_path / PICTURES), np.ones(3))
 
 
 @pytest.mark.parametrize(
