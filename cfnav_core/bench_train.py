@@ -140,7 +140,7 @@ def synthetic_bank(shape: str, positions: int = 128, device: torch.device = CPU)
         positions=np.stack([x, y], 1)[:: HEADINGS * HORIZONS].astype(np.float32) / 4,
         instances=np.ones(count, np.int16),
         distance=rng.random((side * side, count), np.float32),
-    )], device)  # fmt: skip
+    )], device=device)  # fmt: skip
 
 
 def synthetic_knowledge(objects: int) -> Knowledge:

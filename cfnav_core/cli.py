@@ -32,7 +32,7 @@ class Evaluate:
     frozen: Path | None = None
     """Episodes of a file (cfnav data freeze, cfnav data episodes) instead of drawn ones."""
     rooms: Rooms = ()
-    """TYPE:SEED or TYPE:FIRST-LAST; names or splits of a store; every scene when absent."""
+    """TYPE:FIRST-LAST or data2:test; names or splits of a store; every scene when absent."""
     sample: bool = False
     """Sample actions instead of taking the most probable one."""
     p_hat: Literal["own", "true", "zero"] = "own"

@@ -83,9 +83,9 @@ class TrainOptions:
     scenes: Path
     """Folder of scenes (python -m sim_bridge.dataset)."""
     train_rooms: Rooms
-    """Rooms to train in: TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
+    """Rooms to train in: TYPE:SEED, TYPE:FIRST-LAST or data2:train, given as often as needed."""
     validation_rooms: Rooms
-    """Rooms that choose the checkpoint; never tested in."""
+    """Rooms that choose the checkpoint, for example data2:validation; never tested in."""
     out: Path = Path("out/runs/ours")
     """Folder of the run: checkpoints and log.jsonl. A killed run goes on from it."""
     stage1: Path | None = None

@@ -15,8 +15,9 @@ from tqdm import tqdm
 
 from cfnav_core.config import Rooms
 from cfnav_core.knowledge.command import KnowledgeCommand
+from cfnav_core.pack import pack
 from cfnav_core.published import start_states
-from cfnav_core.published.check import check_alike, check_root, check_scene
+from cfnav_core.published.check import check_root, check_scene
 from cfnav_core.published.convert import convert
 from cfnav_core.published.layouts import (
     LAYOUTS,
@@ -30,8 +31,10 @@ from cfnav_core.published.layouts import (
 )
 from cfnav_core.published.reader import Choice, read_room
 from cfnav_core.published.workers import in_order
+from cfnav_core.rooms import SPLITS, room_folder, rooms_in, split_of
 from cfnav_core.scene import OfflineScene
-from cfnav_core.store import HEAD, StoreHead, changed_arrays
+from cfnav_core.scene_check import check_alike, check_rooms, check_store
+from cfnav_core.store import HEAD, StoreHead
 
 LayoutName = Literal["data1", "data2", "savn"]
 
@@ -76,8 +79,8 @@ class InfoData:
         """Print the table."""
         if (self.folder / HEAD).exists():
             head = StoreHead.load(self.folder)
-            title, rows = f"store of {head.layout}, {head.perception}", list(_stored(head))
-        elif any(self.folder.glob("*/scene.json")):
+            title, rows = f"store of {head.made_from}", list(_stored(head))
+        elif rooms_in(self.folder):
             title, rows = "built-in scenes", list(_built_in(self.folder))
         else:
             root, layout = open_root(self.folder, self.layout)
@@ -96,8 +99,9 @@ def _stored(head: StoreHead) -> Iterator[Row]:
 
 
 def _built_in(folder: Path) -> Iterator[Row]:
-    for path in sorted(folder.glob("*/scene.json")):
-        yield _row(OfflineScene.load(path.parent), "-")
+    for kind, seed in rooms_in(folder):
+        splits = (f"{name}:{split}" for name in SPLITS if (split := split_of(name, seed)))
+        yield _row(OfflineScene.load(room_folder(folder, kind, seed)), " ".join(splits) or "-")
 
 
 def _published(root: Path, layout: Layout) -> Iterator[Row]:
@@ -128,7 +132,7 @@ def table(rows: Sequence[Row]) -> str:
 
 @dataclass(frozen=True)
 class CheckData(Published):
-    """Say what is missing or inconsistent in a published data set, or changed in a store.
+    """Say what is missing, inconsistent or changed in a data set: published, store or built-in.
 
     Exit code 1 when there is anything.
     """
@@ -139,8 +143,9 @@ class CheckData(Published):
     def run_command(self) -> None:
         """Print one line for each problem."""
         if (self.folder / HEAD).exists():
-            problems = [f"{key}.npy is not as it was written; make the store again"
-                        for key in changed_arrays(self.folder)]  # fmt: skip
+            problems = check_store(self.folder, self.quick)
+        elif rooms_in(self.folder):
+            problems = check_rooms(self.folder, self.quick)
         else:
             problems = self._problems()
         for line in problems:
@@ -156,23 +161,40 @@ class CheckData(Published):
         bar = tqdm(in_order(work, folders, self.processes), total=len(folders), unit="scene")
         checked = {folder.name: one for folder, one in bar}
         lines = [f"{name}: {line}" for name, one in checked.items() for line in one.problems]
-        return [*check_root(root, choice.layout, folders), *check_alike(checked), *lines]
+        alike = check_alike({name: one.made_with for name, one in checked.items()})
+        return [*check_root(root, choice.layout, folders), *alike, *lines]
 
 
 @dataclass(frozen=True)
 class ConvertData(Published):
-    """Convert a published data set into one memory-mapped store. Run it again to go on."""
+    """Convert a published data set, or pack built-in scenes, into one memory-mapped store.
+
+    Run it again to go on.
+    """
 
     out: Path = Path("out/store")
     """Folder of the store; must not be there yet."""
     drop_bad: bool = False
     """Leave out states with odd keys or without numbers, instead of refusing their scene."""
+    split: Literal["data1", "data2"] | None = None
+    """How built-in scenes are split into train, validation and test."""
 
     def run_command(self) -> None:
         """Convert."""
-        root, folders, choice = self.contents(self.drop_bad)
-        _end_by_signal()
-        head = convert(root, folders, choice, self.out, self.processes)
+        if rooms_in(self.folder):
+            if self.split is None or self.layout or self.features or self.drop_bad:
+                raise ValueError(
+                    f"found built-in scenes in {self.folder}; say how to split them with --split "
+                    "data1 or --split data2, and nothing but --out beside it"
+                )
+            head = pack(self.folder, self.split, self.out)
+        else:
+            root, folders, choice = self.contents(self.drop_bad)
+            if self.split:
+                raise ValueError(f"found --split {self.split} for {root}, but published data has "
+                                 "splits of its own; leave it out")  # fmt: skip
+            _end_by_signal()
+            head = convert(root, folders, choice, self.out, self.processes)
         states = sum(s.states for s in head.scenes)
         print(f"{len(head.scenes)} scenes, {states} states in {self.out}")
 
@@ -241,7 +263,7 @@ class FreezeData:
     out: Path
     """JSON file of scene, state and goal of each episode."""
     rooms: Rooms = ()
-    """TYPE:SEED or TYPE:FIRST-LAST; names or splits of a store; every scene when absent."""
+    """TYPE:FIRST-LAST or data2:test; names or splits of a store; every scene when absent."""
     episodes: int = 1000
     """Number of episodes."""
     seed: int = 0

@@ -16,14 +16,15 @@ from typing import TypeVar
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from cfnav_core.actions import Action
 from cfnav_core.models import Inputs
+from cfnav_core.published.draw import chances
+from cfnav_core.published.layouts import Layout
 from cfnav_core.reward import StepFacts
 from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.scenes import open_scenes
+from cfnav_core.scenes import layout_of, open_scenes
 from cfnav_core.vocabulary import ROOM_TYPES
 
 CPU = torch.device("cpu")
@@ -45,7 +46,9 @@ class Tasks:
     Attributes:
         scene, goal: int64 [K], row of the bank's scenes, and object.
         first, count: int64 [K], where its possible starts lie in ``starts``.
-        starts: int64 [N], level states from which the goal can be reached but is not seen yet.
+        starts: int64 [N], level states from which the goal can be reached; of built-in rooms only
+            those that do not see it yet.
+        upto: float64 [K], running sum of the tasks' probabilities; None where all are alike.
     """
 
     scene: np.ndarray
@@ -53,6 +56,7 @@ class Tasks:
     first: np.ndarray
     count: np.ndarray
     starts: np.ndarray
+    upto: np.ndarray | None
 
 
 class Blocks:
@@ -100,13 +104,22 @@ class SceneBank:
 
     Args:
         scenes: at least one, all made with the same perception for the same objects.
+        layout: published data set whose rule draws the episodes (see ``published.draw``); without
+            one, tasks and then starts are drawn alike.
         device: where observations and tables are wanted.
 
     Raises:
-        SceneError: no scenes, mixed perceptions or objects, or no goal that can be reached.
+        SceneError: no scenes, mixed perceptions or objects, or a scene without a goal that can be
+            reached.
     """
 
-    def __init__(self, scenes: list[OfflineScene], device: torch.device = CPU) -> None:
+    def __init__(
+        self,
+        scenes: list[OfflineScene],
+        *,
+        layout: Layout | None = None,
+        device: torch.device = CPU,
+    ) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
         made_with = {(s.perception, s.objects) for s in scenes}
@@ -135,40 +148,52 @@ class SceneBank:
         ).to(device)
         self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes])).to(device)
         self.actions_to = np.full((self.offsets[-1], len(self.objects)), -1, np.int16)
-        self.tasks = self._find_tasks()
+        self.tasks = self._find_tasks(layout)
         self._features = Blocks([s.features for s in scenes], device)
         self._detections = Blocks([s.detections for s in scenes], device)
 
     def _with_offsets(self) -> zip[tuple[OfflineScene, int]]:
         return zip(self.scenes, self.offsets[:-1].tolist(), strict=True)
 
-    def _find_tasks(self) -> Tasks:
+    def _find_tasks(self, layout: Layout | None) -> Tasks:
         scene, goals, starts = [], [], []
+        nearest = 0 if layout else 1
         for k, (s, offset) in enumerate(self._with_offsets()):
             for name in s.goals:
                 goal = self.objects.index(name)
                 distance = s.actions_to(goal)
                 self.actions_to[offset : offset + s.num_states, goal] = distance
-                found = np.nonzero((distance >= 1) & (s.horizon == 0))[0]
+                found = np.nonzero((distance >= nearest) & (s.horizon == 0))[0]
                 if len(found):
                     scene.append(k)
                     goals.append(goal)
                     starts.append(found + offset)
-        if not starts:
-            raise SceneError(f"found no goal that can be reached in {', '.join(self.names)}")
+        if idle := [name for k, name in enumerate(self.names) if k not in scene]:
+            raise SceneError(
+                f"found no goal that can be reached in {', '.join(idle)}, so no episode; leave "
+                "that scene out, or mend it (cfnav data check)"
+            )
         count = np.array([len(x) for x in starts])
         first = np.cumsum([0, *count])[:-1]
-        return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
+        upto = None
+        if layout:
+            instances = [self.scenes[k].instances[g] for k, g in zip(scene, goals, strict=True)]
+            room = self.room[self.offsets[scene]]
+            upto = np.cumsum(chances(layout, np.array(scene), room, np.array(instances)))
+            upto /= upto[-1]
+        return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts), upto)
 
     @classmethod
     def load(cls, folder: Path, rooms: Sequence[str] = (), device: torch.device = CPU) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
+        A store of published data draws as its code does.
+
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read.
         """
-        return cls(open_scenes(folder, rooms), device)
+        return cls(open_scenes(folder, rooms), layout=layout_of(folder), device=device)
 
     @property
     def inputs(self) -> Inputs:
@@ -194,12 +219,15 @@ class SceneBank:
         return out.to(self.device)
 
     def sample(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Draw n episodes: start states int64 [n], goals int64 [n]; tasks, then starts, uniform.
+        """Draw n episodes: start states int64 [n], goals int64 [n]; starts of a task uniform.
 
         Args:
             u: float64 [n, 2], uniform in [0, 1).
         """
-        k = (u[:, 0] * len(self.tasks.goal)).astype(np.int64)
+        if self.tasks.upto is None:
+            k = (u[:, 0] * len(self.tasks.goal)).astype(np.int64)
+        else:
+            k = np.searchsorted(self.tasks.upto, u[:, 0], side="right")
         start = self.tasks.first[k] + (u[:, 1] * self.tasks.count[k]).astype(np.int64)
         return self.tasks.starts[start], self.tasks.goal[k]
 
@@ -254,6 +282,9 @@ class ObjectNavEnv:
         self.bank, self.rng = bank, rng
         self.part = batch if isinstance(batch, Part) else Part(0, batch, batch)
         self.batch, self.device = self.part.batch, bank.device
+        # rows of these are one-hot, without the checks of a general function at every step
+        self._goals = torch.eye(len(bank.objects), device=self.device)
+        self._rooms = torch.eye(len(ROOM_TYPES), device=self.device)
         self._room = self._tensor(bank.room)
         self._next, self._visible = self._tensor(bank.next_state), self._tensor(bank.visible)
         self._collided, self._limit = self._tensor(bank.collided), self._tensor(bank.step_limit)
@@ -275,12 +306,12 @@ class ObjectNavEnv:
     @property
     def goal_one_hot(self) -> Tensor:
         """float32 [B, C]."""
-        return F.one_hot(self.goal, len(self.bank.objects)).float()
+        return self._goals[self.goal]
 
     @property
     def room_one_hot(self) -> Tensor:
         """float32 [B, 4], the room type."""
-        return F.one_hot(self._room[self.state], len(ROOM_TYPES)).float()
+        return self._rooms[self._room[self.state]]
 
     def step(self, action: Tensor) -> StepResult:
         """Act. ``restart`` must be called with the episodes that ended before the next step.

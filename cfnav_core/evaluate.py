@@ -38,7 +38,7 @@ class Episodes:
 
     @classmethod
     def draw(cls, bank: SceneBank, count: int, seed: int) -> Episodes:
-        """Draw episodes, rooms and goals uniform, from a seed alone."""
+        """Draw episodes as ``bank.sample`` does, from a seed alone."""
         return cls(*bank.sample(np.random.default_rng(seed).random((count, 2))))
 
     @classmethod

@@ -93,7 +93,7 @@ class ObjectNav(gymnasium.Env[Any, Any]):
 
     Args:
         scenes: folder of scenes, or a packed store.
-        rooms: TYPE:SEED or TYPE:FIRST-LAST; every scene when empty.
+        rooms: see ``scenes.scene_names``; every scene when empty.
         collision_penalty: r_c.
 
     Raises:

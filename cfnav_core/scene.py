@@ -7,10 +7,13 @@ horizon 0 is level and 1 is 30 degrees down.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -28,6 +31,9 @@ ARRAYS = (
     "features", "detections", "next_state", "collided", "visible", "position", "heading", "horizon",
     "positions", "instances", "distance",
 )  # fmt: skip
+
+_HEAD = ("name", "room_type", "perception", "source", "states", "objects", "goals", "sha256")
+_AGAIN = "make it again with python -m sim_bridge.dataset"
 
 
 class SceneError(ValueError):
@@ -83,23 +89,38 @@ class OfflineScene:
         return len(self.next_state)
 
     def save(self, folder: Path) -> None:
-        """Write the scene; ``folder`` appears only when complete."""
+        """Write the scene; ``folder`` appears only when complete.
+
+        Raises:
+            SceneError: the disk is full or cannot be written; nothing of this scene is left there.
+        """
         partial = folder.with_name(folder.name + ".partial")
         shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
-        for key in ARRAYS:
-            value = getattr(self, key)
-            np.save(partial / f"{key}.npy", np.packbits(value, 1) if key == "visible" else value)
-        head = {
-            "schema": SCHEMA, "name": self.name, "room_type": self.room_type,
-            "perception": self.perception, "source": self.source, "states": self.num_states,
-            "objects": self.objects, "goals": self.goals,
-        }  # fmt: skip
-        (partial / "scene.json").write_text(json.dumps(head, indent=1))
+        try:
+            partial.mkdir(parents=True)
+            self._write(partial)
+        except OSError as error:
+            shutil.rmtree(partial, ignore_errors=True)
+            raise SceneError(
+                f"found no way to write {partial} ({error}); make room and run the same command "
+                "again"
+            ) from error
         if (folder / PICTURES).exists():
             (folder / PICTURES).replace(partial / PICTURES)
         shutil.rmtree(folder, ignore_errors=True)
         partial.replace(folder)
+
+    def _write(self, folder: Path) -> None:
+        for key in ARRAYS:
+            value = getattr(self, key)
+            np.save(folder / f"{key}.npy", np.packbits(value, 1) if key == "visible" else value)
+        head = {
+            "schema": SCHEMA, "name": self.name, "room_type": self.room_type,
+            "perception": self.perception, "source": self.source, "states": self.num_states,
+            "objects": self.objects, "goals": self.goals,
+            "sha256": {key: sha256(folder / f"{key}.npy") for key in ARRAYS},
+        }  # fmt: skip
+        (folder / "scene.json").write_text(json.dumps(head, indent=1))
 
     @classmethod
     def load(cls, folder: Path) -> OfflineScene:
@@ -108,25 +129,11 @@ class OfflineScene:
         Raises:
             SceneError: something is missing, of another schema, or of the wrong shape.
         """
+        head = read_head(folder)
         try:
-            head = json.loads((folder / "scene.json").read_text())
             arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="c") for k in ARRAYS}
         except (OSError, ValueError) as error:
-            raise SceneError(
-                f"found no readable scene in {folder} ({error}); "
-                "make it again with python -m sim_bridge.dataset"
-            ) from error
-        if head.get("schema") != SCHEMA:
-            raise SceneError(
-                f"found scene schema {head.get('schema')} in {folder}, expected {SCHEMA}; "
-                "make it again with python -m sim_bridge.dataset"
-            )
-        needed = {"name", "room_type", "perception", "source", "states", "objects", "goals"}
-        if missing := sorted(needed - head.keys()):
-            raise SceneError(
-                f"found no {', '.join(missing)} in {folder / 'scene.json'}; "
-                "make it again with python -m sim_bridge.dataset"
-            )
+            raise SceneError(f"found no readable scene in {folder} ({error}); {_AGAIN}") from error
         objects = tuple(head["objects"])
         arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(objects)].astype(bool)
         text = {k: head[k] for k in ("name", "room_type", "perception", "source")}
@@ -134,7 +141,7 @@ class OfflineScene:
         scene.check(folder, head["states"])
         return scene
 
-    def check(self, folder: Path, states: int) -> None:
+    def check(self, folder: Path | str, states: int) -> None:
         """Raise ``SceneError`` unless the arrays fit together; ``folder`` is for the message."""
         c, p = len(self.objects), len(self.positions)
         if not states or not p:
@@ -154,6 +161,10 @@ class OfflineScene:
             raise SceneError(f"found a next state outside 0..{states - 1} in {folder}")
         if self.position.min() < 0 or self.position.max() >= p:
             raise SceneError(f"found a position outside 0..{p - 1} in {folder}")
+        if not (0 <= self.heading.min() <= self.heading.max() < HEADINGS):
+            raise SceneError(f"found a heading outside 0..{HEADINGS - 1} in {folder}")
+        if not (0 <= self.horizon.min() <= self.horizon.max() < HORIZONS):
+            raise SceneError(f"found a horizon outside 0..{HORIZONS - 1} in {folder}")
         if self.room_type not in ROOM_TYPES:
             raise SceneError(f"found room type {self.room_type!r} in {folder}")
         if unknown := set(self.goals) - set(self.objects):
@@ -166,6 +177,50 @@ class OfflineScene:
     def metres_to(self, goal: int) -> np.ndarray:
         """float64 [P]: shortest driven way (m) to a position that sees the category; inf never."""
         return metres_to(self.next_state, self.visible[:, goal], self.position, self.heading)
+
+
+def read_head(folder: Path) -> dict[str, Any]:
+    """Read ``scene.json``.
+
+    Returns:
+        ``name`` to ``goals`` as in ``OfflineScene``, ``states``, ``sha256`` of each array's file.
+
+    Raises:
+        SceneError: it is missing, damaged or of another schema.
+    """
+    path = folder / "scene.json"
+    try:
+        head: dict[str, Any] = json.loads(path.read_text())
+        schema, missing = head.get("schema"), sorted(set(_HEAD) - head.keys())
+    except (OSError, ValueError, AttributeError) as error:
+        raise SceneError(f"found no readable scene in {folder} ({error}); {_AGAIN}") from error
+    if schema != SCHEMA:
+        raise SceneError(f"found scene schema {schema} in {path}, expected {SCHEMA}; {_AGAIN}")
+    if missing:
+        raise SceneError(f"found no {', '.join(missing)} in {path}; {_AGAIN}")
+    return head
+
+
+def sha256(path: Path) -> str:
+    """Of a file, as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def changed_files(folder: Path, sums: Mapping[str, str]) -> list[str]:
+    """Names of a folder's arrays whose files no longer have the hashes they were written with.
+
+    Args:
+        folder: holds ``<name>.npy``.
+        sums: SHA-256 by name.
+
+    Raises:
+        SceneError: one cannot be read.
+    """
+    try:
+        return [key for key, expected in sums.items() if sha256(folder / f"{key}.npy") != expected]
+    except OSError as error:
+        raise SceneError(f"found an unreadable array in {folder} ({error})") from error
 
 
 def actions_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:

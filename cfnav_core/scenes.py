@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cfnav_core.rooms import parse_rooms
+from cfnav_core.published.layouts import LAYOUTS, Layout
+from cfnav_core.rooms import SPLIT_NAMES, parse_room, parse_rooms, room_folder, rooms_in
 from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.store import HEAD, StoreHead, open_store
-
-SPLITS = ("train", "validation", "test")
+from cfnav_core.store import BUILT_IN, HEAD, StoreHead, open_store
 
 
 def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
@@ -17,8 +16,8 @@ def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
 
     Args:
         folder: of built-in scenes, or a store.
-        rooms: TYPE:SEED or TYPE:FIRST-LAST; of a store, names of scenes or of its splits (train,
-            validation, test). All scenes when empty.
+        rooms: see ``rooms.parse_rooms``; of a store also its splits (train, validation, test), and
+            names of scenes where it is of published data. All scenes when empty.
 
     Raises:
         SceneError: the store is damaged.
@@ -27,12 +26,16 @@ def scene_names(folder: Path, rooms: Sequence[str] = ()) -> list[str]:
     if (folder / HEAD).exists():
         head, names = StoreHead.load(folder), []
         for room in rooms:
-            names += head.names(room) if room in SPLITS else [room]
-        return names if rooms else head.names()
-    if rooms:
-        return [f"{kind}:{seed}" for kind, seed in parse_rooms(rooms)]
-    found = sorted(p.parent.name for p in folder.glob("*/scene.json"))
-    return [f"{kind}:{int(seed)}" for kind, _, seed in (n.rpartition("_") for n in found)]
+            if room in SPLIT_NAMES:
+                names += head.names(room)
+            else:
+                names += _built_in([room]) if head.layout == BUILT_IN else [room]
+        return list(dict.fromkeys(names)) if rooms else head.names()
+    return _built_in(rooms) if rooms else [f"{kind}:{seed}" for kind, seed in rooms_in(folder)]
+
+
+def _built_in(rooms: Sequence[str]) -> list[str]:
+    return [f"{kind}:{seed}" for kind, seed in parse_rooms(rooms)]
 
 
 def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
@@ -50,5 +53,19 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
         )
     if (folder / HEAD).exists():
         return open_store(folder, names)
-    rooms_on_disk = (name.split(":") for name in names)
-    return [OfflineScene.load(folder / f"{kind}_{int(seed):05d}") for kind, seed in rooms_on_disk]
+    return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]
+
+
+def layout_of(folder: Path) -> Layout | None:
+    """The published data set that a store was made from; None for built-in scenes.
+
+    Raises:
+        SceneError: the store is damaged.
+    """
+    name = StoreHead.load(folder).layout if (folder / HEAD).exists() else BUILT_IN
+    if name == BUILT_IN:
+        return None
+    if name not in LAYOUTS:
+        raise SceneError(f"found layout {name!r} in {folder / HEAD}, expected {BUILT_IN}, "
+                         f"{', '.join(LAYOUTS)}; make the store again")  # fmt: skip
+    return LAYOUTS[name]

@@ -6,7 +6,6 @@ Opened, its scenes are slices of the memory maps: memory does not grow with the 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -20,6 +19,8 @@ from cfnav_core.scene import ARRAYS, OfflineScene, SceneError
 
 SCHEMA = 1
 HEAD = "store.json"
+BUILT_IN = "built-in"
+"""Layout of a store of built-in scenes."""
 
 OVER_POSITIONS = ("positions", "distance")
 """Arrays with a row for each position; ``instances`` has one a scene, all others one a state."""
@@ -53,8 +54,8 @@ class StoreHead:
     """``store.json``.
 
     Attributes:
-        layout: name of the published data set.
-        made_from: what the store was made from and how; an interrupted one goes on only with it.
+        layout: name of the published data set, or ``BUILT_IN``.
+        made_from: what the store was made from and how; until it is finished, also where.
         perception: identity of what made features and detections.
         source: identity of what made the rooms.
         objects: rows of the detections.
@@ -161,22 +162,5 @@ def _slice(folder: Path, head: StoreHead, maps: dict[str, np.ndarray], i: int) -
     scene = OfflineScene(
         here.name, here.room_type, head.perception, head.source, head.objects, here.goals, **arrays
     )
-    scene.check(folder, here.states)
+    scene.check(f"{here.name} of {folder}", here.states)
     return scene
-
-
-def changed_arrays(folder: Path) -> list[str]:
-    """Arrays of a store whose files no longer have the hashes they were written with.
-
-    Raises:
-        SceneError: the store cannot be read.
-    """
-    changed = []
-    for key, expected in StoreHead.load(folder).sha256.items():
-        try:
-            with (folder / f"{key}.npy").open("rb") as file:
-                if hashlib.file_digest(file, "sha256").hexdigest() != expected:
-                    changed.append(key)
-        except OSError as error:
-            raise SceneError(f"found no readable {key}.npy in {folder} ({error})") from error
-    return changed

@@ -26,24 +26,29 @@ class StoreWriter:
 
     Args:
         folder: of the store; must not be there yet.
-        layout: name of the published data set.
+        layout: name of the published data set, or ``BUILT_IN``.
         made_from: what the store is made from and how.
+        origin: folder that this lies in. An interrupted store goes on with the same only; a
+            finished one travels and does not name it.
 
     Raises:
         SceneError: the folder is there, or an interrupted store of something else.
     """
 
-    def __init__(self, folder: Path, layout: str, made_from: str) -> None:
+    def __init__(self, folder: Path, layout: str, made_from: str, origin: Path) -> None:
         self.folder, self.partial = folder, folder.with_name(folder.name + ".partial")
-        self.head = StoreHead(layout, made_from)
+        self.made_from = made_from
+        begun_with = f"{made_from}, in {origin.resolve()}"
+        self.head = StoreHead(layout, begun_with)
         if folder.exists():
             raise SceneError(f"found {folder} already; remove it or name another folder")
         if (self.partial / HEAD).exists():
             self.head = StoreHead.load(self.partial)
-            if self.head.made_from != made_from:
+            # ended before it got its name, it says no more where it comes from
+            if self.head.made_from not in (begun_with, made_from):
                 raise SceneError(
                     f"found {self.partial}, begun with {self.head.made_from} and not with "
-                    f"{made_from}; remove it or name another folder"
+                    f"{begun_with}; remove it or name another folder"
                 )
         self.partial.mkdir(parents=True, exist_ok=True)
         self._cut()
@@ -87,7 +92,8 @@ class StoreWriter:
                     to_disk(file)
                     file.seek(0)
                     sums[key] = hashlib.file_digest(file, "sha256").hexdigest()
-            replace(self.head, sha256=sums).save(self.partial)
+            self.head = replace(self.head, made_from=self.made_from, sha256=sums)
+            self.head.save(self.partial)
             self.partial.replace(self.folder)
         except OSError as error:
             raise self.full(error) from error

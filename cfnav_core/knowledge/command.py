@@ -32,7 +32,7 @@ class KnowledgeCommand:
     out: Path
     """The file to write, for example out/knowledge.safetensors."""
     rooms: Rooms = ()
-    """Training rooms, TYPE:SEED or TYPE:FIRST-LAST; of a store, names of scenes, its training
+    """Training rooms, for example data2:train; of a store, names of scenes, its training
     split when absent."""
     words: str = SHIPPED
     """Word vectors: shipped, or a GloVe file (text, or HDF5 with one dataset for each class)."""
@@ -72,14 +72,13 @@ def training_scenes(folder: Path, rooms: Sequence[str]) -> list[OfflineScene]:
 
     Args:
         folder: of built-in scenes, or a store.
-        rooms: TYPE:SEED or TYPE:FIRST-LAST; of a store, names of scenes, its training split when
-            there are none.
+        rooms: see ``scenes.scene_names``; of a store, its training split when there are none.
 
     Raises:
         SceneError: there are none, or one is missing or damaged.
     """
     if not rooms:
         if not (folder / HEAD).exists():
-            raise SceneError("found no --rooms; name the training rooms, for example kitchen:0-19")
+            raise SceneError("found no --rooms; name the training rooms, for example data2:train")
         rooms = ("train",)
     return open_scenes(folder, rooms)

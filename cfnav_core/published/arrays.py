@@ -120,5 +120,8 @@ def _half(numbers: np.ndarray) -> np.ndarray:
     with np.errstate(over="ignore"):
         half = numbers.astype(np.float16)
     if not np.isfinite(half).all():
-        raise SceneError("found numbers that are not finite (or above 65504), expected finite ones")
+        raise SceneError(
+            "found numbers that are not finite (or above 65504), expected finite ones; download "
+            "the file again"
+        )
     return half

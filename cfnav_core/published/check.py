@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from cfnav_core.actions import Action
 from cfnav_core.published.arrays import Source, open_detections, open_features
@@ -16,7 +13,8 @@ from cfnav_core.published.graph import MOVES, Graph, read_graph, read_json, read
 from cfnav_core.published.keys import Key
 from cfnav_core.published.layouts import Layout, SceneFolder, scene_names
 from cfnav_core.published.reader import Choice, first_of, read_room
-from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scene import SceneError
+from cfnav_core.scene_check import check_targets, counted
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class Checked:
     """Of one scene: what is wrong, a sentence each, and the files its numbers come from."""
 
     problems: list[str]
-    made_with: tuple[str, ...]
+    made_with: str
 
 
 def check_root(root: Path, layout: Layout, folders: Sequence[SceneFolder]) -> list[str]:
@@ -34,17 +32,9 @@ def check_root(root: Path, layout: Layout, folders: Sequence[SceneFolder]) -> li
     known = {f.path.name for f in folders}
     others = [p.name for p in sorted(root.glob("FloorPlan*")) if p.name not in known]
     return [
-        *_counted(missing, f"of {len(names)} scenes are not there"),
-        *_counted(others, "folders are no scene of the data set, or one a second time"),
+        *counted(missing, f"of {len(names)} scenes are not there"),
+        *counted(others, "folders are no scene of the data set, or one a second time"),
     ]
-
-
-def check_alike(checked: Mapping[str, Checked]) -> list[str]:
-    """Scenes whose numbers come from other files than those of most: they make no one set."""
-    files = {name: one.made_with for name, one in checked.items()}
-    most = Counter(files.values()).most_common(1)
-    others = [name for name, made_with in files.items() if made_with != most[0][0]]
-    return _counted(others, f"scenes have other files than {', '.join(most[0][0])} of the others")
 
 
 def check_scene(folder: SceneFolder, choice: Choice, quick: bool = False) -> Checked:
@@ -79,8 +69,10 @@ def check_scene(folder: SceneFolder, choice: Choice, quick: bool = False) -> Che
                 problems += _edges(graph, path / "graph.json")
                 problems += _visible(first_of(path, layout.visible), graph)
                 # states that cannot be used were counted above
-                problems += _targets(read_room(folder, replace(choice, drop_bad=True), sources)[1])
-    return Checked(problems, tuple(s.path.name for s in sources))
+                problems += check_targets(
+                    read_room(folder, replace(choice, drop_bad=True), sources)[1]
+                )
+    return Checked(problems, ", ".join(s.path.name for s in sources))
 
 
 @contextmanager
@@ -89,11 +81,6 @@ def _noting(problems: list[str]) -> Iterator[None]:
         yield
     except SceneError as error:
         problems.append(str(error))
-
-
-def _counted(examples: Collection[object], what: str) -> list[str]:
-    """One sentence for any number of them, none for none."""
-    return [f"{len(examples)} {what}, first {next(iter(examples))}"] if examples else []
 
 
 def _check_grid(path: Path) -> None:
@@ -112,16 +99,16 @@ def _numbers(source: Source, quick: bool) -> list[str]:
             wrong.setdefault(str(error), []).append(key)
     return [
         line for why, keys in wrong.items()
-        for line in _counted(keys, f"states of {source.path}: {why}")
+        for line in counted(keys, f"states of {source.path}: {why}")
     ]  # fmt: skip
 
 
 def _key_sets(graph: Graph, source: Source) -> list[str]:
     known = set(source.known)
     return [
-        *_counted(list(source.bad), f"odd keys in {source.path}"),
-        *_counted(sorted(graph.states - known), f"states of the graph are not in {source.path}"),
-        *_counted(sorted(known - graph.states), f"states of {source.path} are not in the graph"),
+        *counted(list(source.bad), f"odd keys in {source.path}"),
+        *counted(sorted(graph.states - known), f"states of the graph are not in {source.path}"),
+        *counted(sorted(known - graph.states), f"states of {source.path} are not in the graph"),
     ]
 
 
@@ -135,9 +122,9 @@ def _edges(graph: Graph, path: Path) -> list[str]:
         f"{a} to {b}" for a, b in sorted(graph.edges) if b not in {a.after(move) for move in MOVES}
     ]
     return [
-        *_counted(list(graph.bad), f"odd keys in {path}"),
-        *_counted(missing, f"turns and looks have no edge in {path}"),
-        *_counted(strange, f"edges of {path} are no action's"),
+        *counted(list(graph.bad), f"odd keys in {path}"),
+        *counted(missing, f"turns and looks have no edge in {path}"),
+        *counted(strange, f"edges of {path} are no action's"),
     ]
 
 
@@ -145,16 +132,6 @@ def _visible(path: Path, graph: Graph) -> list[str]:
     objects, bad = read_visible(path)
     unknown = {key for one in objects for key in one.seen_from} - graph.states
     return [
-        *_counted(list(bad), f"odd keys in {path}"),
-        *_counted(sorted(unknown), f"states of {path} are not in the graph"),
+        *counted(list(bad), f"odd keys in {path}"),
+        *counted(sorted(unknown), f"states of {path} are not in the graph"),
     ]
-
-
-def _targets(scene: OfflineScene) -> list[str]:
-    """Episodes need a level state that does not see the target yet but can reach it."""
-    level = scene.horizon == 0
-    for goal in scene.goals:
-        if np.any(level & (scene.actions_to(scene.objects.index(goal)) >= 1)):
-            return []
-    return [f"no target of {scene.name} can be reached (visible from anywhere: "
-            f"{', '.join(scene.goals) or 'none'})"]  # fmt: skip

@@ -38,8 +38,8 @@ def convert(
     """
     features = choice.features or "its first features"
     dropped = ", bad states dropped" if choice.drop_bad else ""
-    made_from = f"{choice.layout.name} in {root.resolve()}, {features}{dropped}"
-    writer = StoreWriter(out, choice.layout.name, made_from)
+    made_from = f"{choice.layout.name}, {features}{dropped}"
+    writer = StoreWriter(out, choice.layout.name, made_from, root)
     there = set(writer.head.names())
     todo = [f for f in folders if f.name not in there]
     parts = writer.partial / "scenes"

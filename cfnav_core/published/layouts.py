@@ -7,11 +7,12 @@ HOZ) and Offline Data 2 (Pal et al. 2020, MJOLNIR).
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+from cfnav_core.rooms import SPLITS
 from cfnav_core.scene import SceneError
 from cfnav_core.vocabulary import DATA1_TARGETS, DATA2_TARGETS, ROOM_TYPES
 
@@ -77,10 +78,10 @@ class Layout:
         objects: rows of the detections.
         objects_file: the set's own list of objects, beside the scenes' folder.
         targets: what may be asked for in a type of room.
-        splits: numbers (1 to 30) of a type's rooms by split.
+        splits: row of ``rooms.SPLITS``; its seed 0 is room 1 of a type.
         room_types_in_turn: training goes through the room types and draws a room of that type;
             otherwise it draws from all rooms. Either way the target is drawn by the number of its
-            instances and the start among all states, made level.
+            instances (``draw.chances``) and the start among all states, made level.
     """
 
     name: str
@@ -92,15 +93,10 @@ class Layout:
     objects: tuple[str, ...]
     objects_file: str | None
     targets: Mapping[str, tuple[str, ...]]
-    splits: Mapping[str, tuple[int, ...]]
+    splits: Mapping[str, Sequence[int]]
     room_types_in_turn: bool
 
 
-_HALVES = {
-    "train": tuple(range(1, 21)),
-    "validation": (21, 23, 25, 27, 29),
-    "test": (22, 24, 26, 28, 30),
-}
 _FEATURES = ("resnet18_featuremap.hdf5", "clip_featuremap.hdf5")
 
 LAYOUTS: Mapping[str, Layout] = MappingProxyType({
@@ -112,24 +108,21 @@ LAYOUTS: Mapping[str, Layout] = MappingProxyType({
         visible=("visible_object_map_1.5.json", "visible_object_map.json"),
         objects=DATA1_TARGETS, objects_file=None,
         targets=dict.fromkeys(ROOM_TYPES, DATA1_TARGETS),
-        splits=_HALVES, room_types_in_turn=False,
+        splits=SPLITS["data1"], room_types_in_turn=False,
     ),
     "data2": Layout(
         name="data2", folders=("thor_v1_offline_data", "data/thor_v1_offline_data"), suffixed=(),
         features=_FEATURES, detections=("objects_bb.json",),
         visible=("visible_object_map.json", "visible_object_map_1.5.json"),
         objects=DATA2_OBJECTS, objects_file="gcn/objects.txt", targets=DATA2_TARGETS,
-        # published with 1-20 for training and nothing to choose a checkpoint by
-        splits={"train": tuple(range(1, 19)), "validation": (19, 20),
-                "test": tuple(range(21, 31))},
-        room_types_in_turn=True,
+        splits=SPLITS["data2"], room_types_in_turn=True,
     ),
     "savn": Layout(
         name="savn", folders=("thor_offline_data", "data/thor_offline_data"),
         suffixed=("kitchen", "living_room"), features=_FEATURES, detections=(),
         visible=("visible_object_map.json", "metadata.json"),
-        objects=SAVN_OBJECTS, objects_file=None, targets=SAVN_TARGETS, splits=_HALVES,
-        room_types_in_turn=True,
+        objects=SAVN_OBJECTS, objects_file=None, targets=SAVN_TARGETS,
+        splits=SPLITS["data1"], room_types_in_turn=True,
     ),
 })  # fmt: skip
 
@@ -160,9 +153,9 @@ def room_of(name: str) -> tuple[str, int]:
 def scene_names(layout: Layout) -> list[tuple[str, str, str]]:
     """Name, room type and split of every scene the data set has."""
     return [
-        (f"FloorPlan{first + number}", kind, split)
+        (f"FloorPlan{first + 1 + seed}", kind, split)
         for kind, first in FIRST_NUMBER.items()
-        for number, split in sorted((n, s) for s, numbers in layout.splits.items() for n in numbers)
+        for seed, split in sorted((n, s) for s, seeds in layout.splits.items() for n in seeds)
     ]
 
 

@@ -1,8 +1,9 @@
-"""Render rooms: ``python -m sim_bridge.dataset --rooms kitchen:0-19 --out DIR``.
+"""Render rooms: ``python -m sim_bridge.dataset --out DIR``.
 
-Without ``--views`` every reachable state of each room goes through the bundle's perception and
-becomes an ``OfflineScene``. With ``--views N`` N random states become a ``PictureSet`` for
-training perception. Rooms already in DIR are kept, so an interrupted run goes on where it stopped.
+Without ``--rooms`` these are the 120 rooms of the splits (see ``cfnav_core.rooms``). Without
+``--views`` every reachable state of each room goes through the bundle's perception and becomes an
+``OfflineScene``. With ``--views N`` N random states become a ``PictureSet`` for training
+perception. Rooms already in DIR are kept, so an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from tqdm import tqdm
 from cfnav_core.bundle import shipped_bundle
 from cfnav_core.perception import INPUT_SIZE, Perception, preprocess
 from cfnav_core.picture_set import COARSE, HEAT, PictureSet
-from cfnav_core.rooms import parse_rooms
-from cfnav_core.scene import PICTURES, OfflineScene, SceneError
+from cfnav_core.rooms import parse_rooms, room_folder
+from cfnav_core.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.vocabulary import CATEGORIES
 from sim_bridge.room import Room, generate_room
 
@@ -39,7 +40,8 @@ class Options:
     """Render rooms into offline scenes or labelled pictures."""
 
     rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
+    """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed; the 120
+    rooms of all splits when absent."""
     out: Path = Path("out/scenes")
     """Folder that gets one sub-folder for each room."""
     perception: Path | None = None
@@ -50,11 +52,6 @@ class Options:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
-
-
-def room_folder(out: Path, kind: str, seed: int) -> Path:
-    """Where a room's data lies."""
-    return out / f"{kind}_{seed:05d}"
 
 
 def source_identity() -> str:
@@ -92,8 +89,7 @@ def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_picture
     if old is None:
         scene, pictures = _render(kind, seed)
         if keep_pictures:
-            folder.mkdir(parents=True, exist_ok=True)
-            np.save(folder / PICTURES, pictures)
+            _keep(folder, pictures)
     else:
         scene, pictures = old, np.load(folder / PICTURES, mmap_mode="r")
     rows = [observe(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
@@ -105,14 +101,32 @@ def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_picture
     return len(pictures)
 
 
+def _keep(folder: Path, pictures: np.ndarray) -> None:
+    partial = folder / f"partial_{PICTURES}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(partial, pictures)
+        partial.replace(folder / PICTURES)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise SceneError(f"found no way to write {partial} ({error}); make room and run the same "
+                         "command again") from error  # fmt: skip
+
+
 def _kept(folder: Path) -> OfflineScene | None:
     """The scene whose pictures can be used again."""
+    scene = _whole(folder)
+    same = scene and scene.source == source_identity() and (folder / PICTURES).exists()
+    return scene if same else None
+
+
+def _whole(folder: Path) -> OfflineScene | None:
+    """The scene of a folder; None when it is missing or damaged, so that it is made again."""
     try:
-        scene = OfflineScene.load(folder)
+        changed = changed_files(folder, read_head(folder)["sha256"])
+        return None if changed else OfflineScene.load(folder)
     except SceneError:
         return None
-    same = scene.source == source_identity() and (folder / PICTURES).exists()
-    return scene if same else None
 
 
 def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
@@ -209,12 +223,9 @@ def _heat(category: np.ndarray) -> np.ndarray:
 def _finished(folder: Path, views: int, perception: Path) -> bool:
     if views:
         return (folder / "set.json").exists()
-    try:
-        scene = OfflineScene.load(folder)
-    except SceneError:
-        return False
+    scene = _whole(folder)
     made_with = (Perception(perception).identity, source_identity())
-    return (scene.perception, scene.source) == made_with
+    return scene is not None and (scene.perception, scene.source) == made_with
 
 
 def run(options: Options) -> None:
@@ -223,9 +234,12 @@ def run(options: Options) -> None:
     Raises:
         ValueError: bad rooms, or a room that cannot be rendered (named in the message).
     """
-    rooms = parse_rooms(options.rooms)
-    if not rooms:
-        raise ValueError("found no rooms; say which, for example --rooms kitchen:0-19")
+    if options.views and not options.rooms:
+        raise ValueError(
+            "found --views without --rooms; perception must not learn from rooms that test, so "
+            "name others, for example --rooms kitchen:1000-1124"
+        )
+    rooms = parse_rooms(options.rooms or ["data2"])
     from sim_bridge import gl  # noqa: F401  (fails here, once, when nothing can draw)
 
     perception = options.perception or shipped_bundle() / "perception.onnx"

@@ -28,7 +28,7 @@ CPU = torch.device("cpu")
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("method", ["ours", "xiao"])
 def test_a_rollout_names_the_device_of_every_tensor(name, method):
-    bank = SceneBank([hall()], CPU)
+    bank = SceneBank([hall()], device=CPU)
     known = knowledge(len(bank.objects))
     object.__setattr__(known, "parents", np.zeros_like(known.layout))
     agent = new_agent(

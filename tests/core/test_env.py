@@ -95,5 +95,8 @@ def test_scenes_of_two_perceptions_do_not_mix():
 
     with pytest.raises(SceneError, match="2 kinds"):
         SceneBank([hall(), replace(hall(), perception="other")])
-    with pytest.raises(SceneError, match="no goal"):
-        SceneBank([hall(goals={})])
+
+
+def test_a_scene_without_a_goal_that_can_be_reached_is_named():
+    with pytest.raises(SceneError, match="no goal that can be reached in kitchen:1, so"):
+        SceneBank([hall(name="kitchen:0"), hall(name="kitchen:1", goals={})])

@@ -265,7 +265,7 @@ def test_command_over_a_folder_of_rooms(tmp_path, capsys):
 
 
 def test_command_over_a_store_takes_its_training_split(tmp_path):
-    writer = StoreWriter(tmp_path / "store", "data1", "by hand")
+    writer = StoreWriter(tmp_path / "store", "data1", "by hand", tmp_path)
     for seed, split in enumerate(("train", "validation", "train", "test")):
         writer.append(scene(KITCHENS[seed:], f"kitchen:{seed}"), split)
     writer.finish()

@@ -1,10 +1,11 @@
+import json
 from collections import deque
 
 import numpy as np
 import pytest
 
 from cfnav_core.actions import Action
-from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene, SceneError
+from cfnav_core.scene import ARRAYS, HEADINGS, HORIZONS, OfflineScene, SceneError, changed_files
 from cfnav_core.vocabulary import CATEGORY_ID
 
 from .worlds import hall
@@ -57,6 +58,17 @@ def test_saved_scene_comes_back(tmp_path):
         np.testing.assert_array_equal(getattr(again, key), getattr(scene, key))
     assert (again.name, again.room_type) == ("kitchen:0", "kitchen")
     assert [p.name for p in tmp_path.iterdir()] == ["kitchen_00000"]
+
+
+def test_a_changed_file_no_longer_has_its_sum(tmp_path):
+    folder = tmp_path / "s"
+    hall().save(folder)
+    sums = json.loads((folder / "scene.json").read_text())["sha256"]
+    assert sums.keys() == set(ARRAYS)
+    assert changed_files(folder, sums) == []
+    data = (folder / "heading.npy").read_bytes()
+    (folder / "heading.npy").write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    assert changed_files(folder, sums) == ["heading"]
 
 
 @pytest.mark.parametrize("damage", ["missing", "truncated", "head", "other_states", "wild_edge"])

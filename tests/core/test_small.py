@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cfnav_core.perception import preprocess
-from cfnav_core.rooms import parse_rooms
+from cfnav_core.rooms import parse_rooms, rooms_in, split_of
 from cfnav_core.visibility import visible
-from cfnav_core.vocabulary import CATEGORIES, DATA1_TARGETS, DATA2_TARGETS
+from cfnav_core.vocabulary import CATEGORIES, DATA1_TARGETS, DATA2_TARGETS, ROOM_TYPES
 
 
 def test_rooms():
@@ -15,7 +15,37 @@ def test_rooms():
     ]  # fmt: skip
 
 
-BAD_ROOMS = ["kitchen", "attic:1", "kitchen:x", "kitchen:1-x", "kitchen:5-2", ""]
+def test_splits_of_all_rooms():
+    every = {(kind, seed) for kind in ROOM_TYPES for seed in range(30)}
+    for layout, train, validation, test in (("data1", 20, 5, 5), ("data2", 18, 2, 10)):
+        parts = [parse_rooms([f"{layout}:{s}"]) for s in ("train", "validation", "test")]
+        assert [len(p) for p in parts] == [4 * train, 4 * validation, 4 * test]
+        assert {room for part in parts for room in part} == every
+        assert sorted(parse_rooms([layout])) == sorted(every)
+    # published numbers begin with 1: the even ones test in Data 1
+    assert [split_of("data1", seed) for seed in (19, 20, 21, 30)] == [
+        "train", "validation", "test", "",
+    ]  # fmt: skip
+    assert [split_of("data2", seed) for seed in (17, 18, 20)] == ["train", "validation", "test"]
+
+
+def test_no_room_twice():
+    assert parse_rooms(["bedroom:3", "data2:validation", "bedroom:2-4"]).count(("bedroom", 3)) == 1
+
+
+def test_rooms_in_a_folder(tmp_path):
+    names = ("kitchen_00002", "bathroom_00010", "kitchen_00003.partial", "attic_00001", "notes")
+    for name in names:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.json").touch()
+    (tmp_path / "kitchen_00004").mkdir()
+    assert rooms_in(tmp_path) == [("bathroom", 10), ("kitchen", 2)]
+
+
+BAD_ROOMS = [
+    "kitchen", "attic:1", "kitchen:x", "kitchen:1-x", "kitchen:1-", "kitchen:5-2", "", "data2:",
+    "data1:dev", "data3:train", "train",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", BAD_ROOMS)

@@ -15,7 +15,8 @@ from sim_bridge.world import World
 from cfnav_core.perception import Perception, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.picture_set import PictureSet
-from cfnav_core.scene import OfflineScene
+from cfnav_core.scene import PICTURES, OfflineScene
+from cfnav_core.scene_check import check_rooms
 from cfnav_core.vocabulary import CATEGORIES
 
 
@@ -42,11 +43,17 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
             np.testing.assert_array_equal(
                 scene.visible[state], camera.visible_categories(pose, camera.owner_pixels(pose))
             )
-    # a second run renders nothing; another perception makes features again from the pictures
+    # a second run renders nothing
     run(options)
     assert "1 were there already" in capsys.readouterr().out
+    # a room that was damaged since is made again
+    (tmp_path / "bathroom_00003/collided.npy").write_bytes(b"")
+    run(options)
+    assert "0 were there already" in capsys.readouterr().out
+    assert check_rooms(tmp_path) == []
     torch.manual_seed(1)
     export_perception(PerceptionNet(), tmp_path / "other.onnx")
+    # another perception makes features again from the pictures
     run(Options(["bathroom:3"], tmp_path, tmp_path / "other.onnx", processes=1))
     again = OfflineScene.load(tmp_path / "bathroom_00003")
     assert again.perception != scene.perception
@@ -63,11 +70,38 @@ def test_views_carry_consistent_labels(tmp_path):
     assert 0.3 < views.depth.astype(float).mean() < 6
 
 
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from sim_bridge.dataset import _keep
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, resource.RLIM_INFINITY))
+try:
+    _keep(Path(sys.argv[1]), np.zeros(9000, np.uint8))
+except ValueError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_leaves_the_pictures_that_were_there(tmp_path):
+    np.save(tmp_path / PICTURES, np.ones(3))
+    # the kernel refuses to write files beyond 5000 bytes
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path)],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    assert done.stdout.startswith(f"found no way to write {tmp_path}/partial_pictures.npy (")
+    assert done.stdout.endswith("); make room and run the same command again\n")
+    assert [p.name for p in tmp_path.iterdir()] == [PICTURES]
+    np.testing.assert_array_equal(np.load(tmp_path / PICTURES), np.ones(3))
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["--rooms", "attic:1"], "expected TYPE:SEED"),
-        ([], "found no rooms"),
+        (["--rooms", "data3:test"], "data2:train, data2:validation, data2:test"),
+        (["--views", "2"], "found --views without --rooms"),
         (["--rooms", "kitchen:1", "--perception", "nowhere.onnx"], "no usable perception"),
     ],
 )

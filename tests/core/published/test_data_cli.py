@@ -18,6 +18,7 @@ from cfnav_core.published.layouts import LAYOUTS, scene_folders
 from cfnav_core.published.reader import Choice, read_scene
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.store import StoreHead, open_store
+from tests.core.worlds import hall
 
 from . import drawn
 from .test_store import assert_same, scene
@@ -57,9 +58,24 @@ def test_info_of_a_published_folder(cfnav, data1):
 
 def test_info_of_built_in_scenes(cfnav, tmp_path):
     scene("kitchen:7", 4).save(tmp_path / "kitchen_00007")
+    scene("kitchen:30", 4).save(tmp_path / "kitchen_00030")
     code, out, _ = cfnav("info", tmp_path)
     assert code == 0
-    assert out.splitlines()[2].split() == ["kitchen:7", "kitchen", "-", "4", "64", "2"]
+    assert [line.split() for line in out.splitlines()[2:4]] == [
+        ["kitchen:7", "kitchen", "data1:train", "data2:train", "4", "64", "2"],
+        ["kitchen:30", "kitchen", "-", "4", "64", "2"],
+    ]
+
+
+def test_check_of_built_in_scenes(cfnav, tmp_path):
+    hall(name="kitchen:7").save(tmp_path / "kitchen_00007")
+    assert cfnav("check", tmp_path)[:2] == (0, f"{tmp_path}: no problems\n")
+    np.save(tmp_path / "kitchen_00007/heading.npy", np.zeros(3, np.int8))
+    code, out, _ = cfnav("check", tmp_path)
+    assert code == 1
+    assert "heading.npy changed since it was written" in out
+    assert "found heading of shape (3,)" in out
+    assert out.endswith(": 2 problems\n")
 
 
 def test_convert_in_two_processes_then_info_and_check(cfnav, data2, tmp_path):
@@ -81,10 +97,30 @@ def test_convert_in_two_processes_then_info_and_check(cfnav, data2, tmp_path):
         file.write(b"\x07")
     code, out, _ = cfnav("check", store)
     assert code == 1
-    assert "collided.npy is not as it was written" in out
+    assert "collided.npy changed since it was written" in out
     code, _, err = cfnav("convert", data2, "--out", store)
     assert code == 2
     assert "already; remove it or name another folder" in err
+
+
+def test_convert_packs_built_in_scenes(cfnav, tmp_path):
+    rooms, store = tmp_path / "rooms", tmp_path / "store"
+    scene = hall(name="kitchen:20")
+    scene.save(rooms / "kitchen_00020")
+    code, out, _ = cfnav("convert", rooms, "--split", "data1", "--out", store)
+    assert (code, out) == (0, f"1 scenes, {scene.num_states} states in {store}\n")
+    assert "kitchen:20  kitchen    validation" in cfnav("info", store)[1]
+    assert cfnav("check", store)[:2] == (0, f"{store}: no problems\n")
+    for wrong in ((), ("--split", "data1", "--drop-bad")):
+        code, _, err = cfnav("convert", rooms, "--out", tmp_path / "other", *wrong)
+        assert code == 2
+        assert "say how to split them with --split data1 or --split data2" in err
+
+
+def test_published_data_has_its_own_splits(cfnav, data2, tmp_path):
+    code, _, err = cfnav("convert", data2, "--split", "data2", "--out", tmp_path / "store")
+    assert code == 2
+    assert "published data has splits of its own" in err
 
 
 def test_convert_goes_on_after_a_scene_was_mended(cfnav, data2, tmp_path):

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cfnav_core.scene import ARRAYS, OfflineScene, SceneError
-from cfnav_core.store import HEAD, StoreHead, changed_arrays, open_store
+from cfnav_core.scene import ARRAYS, OfflineScene, SceneError, changed_files
+from cfnav_core.store import HEAD, StoreHead, open_store
 from cfnav_core.store_writer import StoreWriter
 
 
@@ -35,12 +35,13 @@ def scene(name: str, positions: int = 2, width: int = 3, features=(4, 2)) -> Off
     )  # fmt: skip
 
 
+HERE = Path("/elsewhere")
 THREE = [scene("FloorPlan1"), scene("FloorPlan20", 5), scene("FloorPlan400", 3)]
 SPLITS = ("train", "train", "test")
 
 
 def write(folder, scenes=THREE, writer=None):
-    writer = writer or StoreWriter(folder, "data1", "drawn")
+    writer = writer or StoreWriter(folder, "data1", "drawn", HERE)
     for one in scenes:
         writer.append(one, SPLITS[THREE.index(one)])
     writer.finish()
@@ -86,7 +87,7 @@ def test_scenes_by_name_and_by_split(store):
 
 def test_rows_without_numbers(tmp_path):
     bare = [scene("FloorPlan1", width=0), scene("FloorPlan2", 4, width=0)]
-    writer = StoreWriter(tmp_path / "s", "savn", "drawn")
+    writer = StoreWriter(tmp_path / "s", "savn", "drawn", HERE)
     for one in bare:
         writer.append(one, "train")
     writer.finish()
@@ -96,17 +97,17 @@ def test_rows_without_numbers(tmp_path):
 
 def test_an_interrupted_store_goes_on_behind_its_last_whole_scene(tmp_path, store):
     folder = tmp_path / "again"
-    StoreWriter(folder, "data1", "drawn").append(THREE[0], "train")
+    StoreWriter(folder, "data1", "drawn", HERE).append(THREE[0], "train")
     assert not folder.exists()
     # killed in the middle of the second scene
     for key in ("features", "visible", "distance"):
         with (tmp_path / "again.partial" / f"{key}.npy").open("ab") as file:
             file.write(b"half a scene")
-    writer = StoreWriter(folder, "data1", "drawn")
+    writer = StoreWriter(folder, "data1", "drawn", HERE)
     assert writer.head.names() == ["FloorPlan1"]
     write(folder, THREE[1:], writer)
     assert StoreHead.load(folder) == StoreHead.load(store)  # the hashes of all files too
-    assert changed_arrays(folder) == []
+    assert changed_files(folder, StoreHead.load(folder).sha256) == []
 
 
 def test_killed_before_its_first_scene_was_whole(tmp_path, store):
@@ -118,13 +119,15 @@ def test_killed_before_its_first_scene_was_whole(tmp_path, store):
 
 def test_what_does_not_belong_together_is_refused(tmp_path, store):
     with pytest.raises(SceneError, match=r"found .*store already; remove it"):
-        StoreWriter(store, "data1", "drawn")
-    writer = StoreWriter(tmp_path / "a", "data1", "drawn")
+        StoreWriter(store, "data1", "drawn", HERE)
+    writer = StoreWriter(tmp_path / "a", "data1", "drawn", HERE)
     with pytest.raises(SceneError, match="found no scenes"):
         writer.finish()
     writer.append(THREE[0], "train")
-    with pytest.raises(SceneError, match="begun with drawn and not with painted"):
-        StoreWriter(tmp_path / "a", "data1", "painted")
+    with pytest.raises(SceneError, match="begun with drawn, in /elsewhere and not with painted, "):
+        StoreWriter(tmp_path / "a", "data1", "painted", HERE)
+    with pytest.raises(SceneError, match="begun with drawn, in /elsewhere and not with drawn, in"):
+        StoreWriter(tmp_path / "a", "data1", "drawn", tmp_path)
     with pytest.raises(SceneError, match="found scene FloorPlan1 in the store already"):
         writer.append(THREE[0], "train")
     with pytest.raises(SceneError, match="found perception q in FloorPlan20, expected p as in"):
@@ -135,11 +138,20 @@ def test_what_does_not_belong_together_is_refused(tmp_path, store):
     assert_same(open_store(tmp_path / "a")[2], THREE[2])
 
 
+def test_killed_before_it_got_its_name(store):
+    head = StoreHead.load(store)
+    assert head.made_from == "drawn"  # and not on which machine
+    store.rename(store.with_name("store.partial"))
+    StoreWriter(store, "data1", "drawn", HERE).finish()
+    assert StoreHead.load(store) == head
+
+
 def test_damaged_stores(store):
     path = store / "features.npy"
     data = path.read_bytes()
     path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
-    assert changed_arrays(store) == ["features"]
+    sums = StoreHead.load(store).sha256
+    assert changed_files(store, sums) == ["features"]
     path.write_bytes(data[:-1])
     with pytest.raises(SceneError, match="found no readable store"):
         open_store(store)
@@ -151,8 +163,8 @@ def test_damaged_stores(store):
     path.unlink()
     with pytest.raises(SceneError, match="found no readable store"):
         open_store(store)
-    with pytest.raises(SceneError, match=r"found no readable features\.npy"):
-        changed_arrays(store)
+    with pytest.raises(SceneError, match=r"found an unreadable array .*features\.npy"):
+        changed_files(store, sums)
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": 2}', '{"schema": 1}'])
@@ -171,9 +183,9 @@ def in_a_process(code: str, *arguments: object) -> subprocess.CompletedProcess[s
 FULL_DISK = """
 import resource, sys
 from pathlib import Path
-from tests.core.published.test_store import THREE, StoreWriter
+from tests.core.published.test_store import HERE, THREE, StoreWriter
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
-writer = StoreWriter(Path(sys.argv[1]), "data1", "drawn")
+writer = StoreWriter(Path(sys.argv[1]), "data1", "drawn", HERE)
 writer.append(THREE[0], "train")
 try:
     writer.append(THREE[1], "train")
@@ -191,7 +203,7 @@ def test_a_full_disk_leaves_whole_scenes_and_one_sentence(tmp_path, store):
                     "make room", done.stdout)  # fmt: skip
     assert len(done.stdout.splitlines()) == 1
     assert not folder.exists()
-    writer = StoreWriter(folder, "data1", "drawn")
+    writer = StoreWriter(folder, "data1", "drawn", HERE)
     write(folder, THREE[1:], writer)
     assert StoreHead.load(folder) == StoreHead.load(store)
 
@@ -202,7 +214,7 @@ from dataclasses import replace
 from pathlib import Path
 import numpy as np
 from cfnav_core.store import StoreHead, open_store
-from tests.core.published.test_store import StoreWriter, scene
+from tests.core.published.test_store import HERE, StoreWriter, scene
 
 def megabytes():
     (line,) = [x for x in open("/proc/self/status") if x.startswith("RssAnon")]
@@ -210,7 +222,7 @@ def megabytes():
 
 one = scene("FloorPlan1", 8, features=(512, 7, 7))
 before = megabytes()
-writer = StoreWriter(Path(sys.argv[1]), "data1", "drawn")
+writer = StoreWriter(Path(sys.argv[1]), "data1", "drawn", HERE)
 most = 0.0
 for i in range(10):
     writer.append(replace(one, name=f"FloorPlan{i}"), "train")
