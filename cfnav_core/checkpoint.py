@@ -13,16 +13,26 @@ from torch import Tensor, nn
 
 
 class CheckpointError(ValueError):
-    """A checkpoint is damaged or belongs to another network; the message says which."""
+    """A checkpoint is damaged, of another network or cannot be written; the message says which."""
 
 
 def save_tensors(path: Path, tensors: dict[str, Tensor], head: dict[str, Any]) -> None:
-    """Write named tensors and a JSON head; the file appears only when complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write named tensors and a JSON head; the file appears only when complete.
+
+    Raises:
+        CheckpointError: the disk is full or refuses; what was there before stays whole.
+    """
     partial = path.with_name(path.name + ".partial")
     copies = {k: v.detach().clone().contiguous() for k, v in tensors.items()}
-    save_file(copies, partial, {"head": json.dumps(head)})
-    partial.replace(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file(copies, partial, {"head": json.dumps(head)})
+        partial.replace(path)
+    except (OSError, SafetensorError) as error:
+        partial.unlink(missing_ok=True)
+        raise CheckpointError(
+            f"found no way to write {path} ({error}); make room and run the same command again"
+        ) from error
 
 
 def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

@@ -32,6 +32,7 @@ from cfnav_core.ranks import Ranks
 from cfnav_core.scenes import scene_names
 
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
+LOG = "log.jsonl"
 
 
 class Run:
@@ -106,6 +107,8 @@ class Run:
         self.episodes, self.steps = head["episodes"], head["steps"]
         if source == own:
             self.best = head["best"]
+            if self.ranks.leads:
+                self._forget_later_lines()
 
     def _check_same(self, found: dict[str, Any]) -> None:
         """A run goes on as what it was; only its hyperparameters, such as its length, may change.
@@ -149,9 +152,21 @@ class Run:
         results = run_episodes(networks, self.validation, self.frozen)
         return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
 
+    def _forget_later_lines(self) -> None:
+        """Take lines out of the log that a killed run wrote after its last checkpoint."""
+        path = self.options.out / LOG
+        if not path.exists():
+            return
+        lines = path.read_text().splitlines(keepends=True)
+        kept = [line for line in lines if json.loads(line)["episodes"] <= self.episodes]
+        if kept != lines:
+            partial = path.with_name(LOG + ".partial")
+            partial.write_text("".join(kept))
+            partial.replace(path)
+
     def log(self, figures: dict[str, Any]) -> None:
         """Append one line to log.jsonl, and the same numbers as TensorBoard scalars."""
-        with (self.options.out / "log.jsonl").open("a") as file:
+        with (self.options.out / LOG).open("a") as file:
             file.write(json.dumps(figures) + "\n")
         if self._board is None:
             # scalars of episodes that a killed run lost are hidden

@@ -122,7 +122,8 @@ def _rounds(run: Run, execution: Execution) -> None:
             next_validation += options.validation_every
             _validate_and_log(run, sums, since, bar)
             sums, since = {}, time.monotonic()
-        if time.monotonic() - saved > options.checkpoint_s:
+        # also after every validation, so that best, log and checkpoint agree
+        if not sums or time.monotonic() - saved > options.checkpoint_s:
             run.save(CHECKPOINT)
             saved = time.monotonic()
     if leads:

@@ -13,7 +13,7 @@ from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, run_episodes
 from cfnav_core.metrics import cf_sr
 from cfnav_core.networks import TorchNetworks
-from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
+from cfnav_core.run import BEST, CHECKPOINT, LOG, STAGE1, Run
 from cfnav_core.train import train
 
 from .worlds import hall
@@ -140,8 +140,40 @@ def test_killed_run_goes_on(scenes):
         process.kill()
         process.wait()
     _, killed_at = load_tensors(out / CHECKPOINT)
+    with (out / LOG).open("a") as file:  # as if it had got further than its checkpoint
+        file.write(json.dumps({"episodes": 10**6, "sr": 1.0}) + "\n")
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     _, head = load_tensors(out / CHECKPOINT)
     assert head["episodes"] >= 1900
     assert f"{killed_at['episodes']}/1900" in done.stderr
     assert (out / BEST).exists()
+    logged = [json.loads(line)["episodes"] for line in (out / LOG).read_text().splitlines()]
+    assert logged == sorted(set(logged))
+    assert logged[-1] == head["episodes"]
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+import torch
+from cfnav_core.checkpoint import CheckpointError, save_tensors
+path = Path(sys.argv[1])
+save_tensors(path, {"a": torch.ones(3)}, {})
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, resource.RLIM_INFINITY))
+try:
+    save_tensors(path, {"a": torch.ones(3000)}, {})
+except CheckpointError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_leaves_the_checkpoint_that_was_there(tmp_path):
+    path = tmp_path / CHECKPOINT
+    # the kernel refuses to write files beyond 5000 bytes
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith(f"found no way to write {path} (")
+    assert done.stdout.endswith("); make room and run the same command again\n")
+    assert list(tmp_path.iterdir()) == [path]
+    assert load_tensors(path)[0]["a"].tolist() == [1, 1, 1]
