@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import torch
@@ -30,11 +30,11 @@ from torch.utils.flop_counter import FlopCounterMode
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.agent import Agent, new_agent
 from cfnav_core.algorithm import Memory, collect_rollout, losses
-from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
+from cfnav_core.config import Hyperparameters, MethodName, ModelName, ModelSize, RunConfig
 from cfnav_core.env import CPU, ObjectNavEnv, SceneBank
 from cfnav_core.json_file import write_json
 from cfnav_core.methods import METHODS
-from cfnav_core.models import MODELS, PUBLISHED, Knowledge
+from cfnav_core.models import PUBLISHED, Knowledge
 from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.ranks import Ranks
 from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
@@ -60,9 +60,9 @@ class Row:
         precision: of multiplications, see ``TrainOptions``. device: "cpu" or "cuda".
     """
 
-    model: str
+    model: ModelName
     width: str
-    method: str
+    method: MethodName
     stage: int = 1
     parallel: int = 64
     ranks: int = 1
@@ -100,12 +100,14 @@ def rows(quick: bool) -> list[Row]:
         ]  # fmt: skip
     if quick:
         return first
-    models = [Row(m, w, "plain") for m in MODELS for w in ("full", "compact") if m != "compact"]
-    growth = [
-        Row(model, width, "plain", parallel=4**k)
-        for model, width in (("compact", "compact"), ("baseline_label", "full"))
-        for k in range(7)
+    models = [
+        Row(m, w, "plain")
+        for m in get_args(ModelName)
+        for w in ("full", "compact")
+        if m != "compact"
     ]
+    growth = [Row("compact", "compact", "plain", parallel=4**k) for k in range(7)]
+    growth += [Row("baseline_label", "full", "plain", parallel=4**k) for k in range(7)]
     return list(dict.fromkeys(first + models + growth))
 
 

@@ -121,7 +121,15 @@ def _print(bundle: Path, f: dict[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class Train(TrainOptions):
-    """Train a navigation policy on offline scenes: Algorithm 1, two stages (needs torch)."""
+    """Train a navigation policy on offline scenes: Algorithm 1, two stages (needs torch).
+
+    For example: cfnav train --scenes out/rooms --train-rooms data2:train
+    --validation-rooms data2:validation --method ours --out out/runs/ours
+
+    Run it again to go on after a kill. The best checkpoint by CF-SR on the validation rooms is
+    best.safetensors, which cfnav export turns into a bundle; log.jsonl and TensorBoard files in
+    the same folder have the curves.
+    """
 
     def run_command(self) -> None:
         """Train."""
@@ -133,7 +141,7 @@ class Train(TrainOptions):
 
 
 Command = (
-    Annotated[Train, tyro.conf.subcommand("train")]
+    Annotated[Train, tyro.conf.subcommand("train"), tyro.conf.OmitArgPrefixes]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Info, tyro.conf.subcommand("info")]

@@ -10,27 +10,36 @@ import tyro
 
 Rooms = Annotated[tuple[str, ...], tyro.conf.UseAppendAction]
 
+# Rows of the tables of the same name, which need torch; a test holds them equal.
+MethodName = Literal[
+    "ours", "plain", "reward", "xiao", "wu", "stage_only", "cp_only", "reward_only"
+]
+ModelName = Literal[
+    "compact", "baseline_label", "baseline_word", "hoz", "lstde", "akgvp", "mjolnir", "tdanet"
+]
+RewardName = Literal["baseline", "hoz", "layout", "mjolnir", "similarity"]
+
 
 @dataclass(frozen=True)
 class Hyperparameters:
-    """Of Algorithm 1 in its batched synchronous form."""
+    """Numbers of Algorithm 1. Where the paper has another, it is named."""
 
     stage1_episodes: int = 250_000
-    """E_1; the paper has 1,000,000."""
+    """E_1: episodes in which the predictor learns and p_hat is 0; the paper has 1,000,000."""
     stage2_episodes: int = 600_000
-    """E_2; the paper has 2,000,000."""
+    """E_2: episodes that read p_hat and in which collisions cost; the paper has 2,000,000."""
     batch: int = 64
-    """Parallel episodes B. More of them mean fewer updates, which are what counts early on."""
+    """Parallel episodes B, one update a rollout; more of them mean fewer updates."""
     rollout_length: int = 20
-    """t_max."""
+    """t_max: steps between updates."""
     gamma: float = 0.99
-    """Discount."""
+    """Discount of returns."""
     gae_lambda: float = 0.95
-    """1 gives the paper's plain returns."""
+    """Lambda of the advantages; 1 gives the paper's plain returns."""
     lr: float = 7e-4
-    """Adam's learning rate; falls linearly to a tenth during stage two."""
+    """Adam's, falling linearly to a tenth in stage two; the paper's workers have 1e-4."""
     entropy_weight: float = 0.01
-    """beta of A3C."""
+    """Weight of the policy's entropy (beta of A3C)."""
     value_weight: float = 0.5
     """Weight of the squared value error."""
     max_grad_norm: float = 1.0
@@ -39,7 +48,7 @@ class Hyperparameters:
 
 @dataclass(frozen=True)
 class ModelSize:
-    """Widths of a network; the defaults are those of the compact networks."""
+    """Widths of the policy's network; the defaults are compact, for built-in scenes."""
 
     hidden: int = 256
     """LSTM width of the policy; the published networks have 512."""
@@ -51,14 +60,14 @@ class ModelSize:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """One training run."""
+    """What is trained."""
 
-    method: str = "ours"
-    """Row of methods.METHODS."""
-    model: str = "compact"
-    """Row of models.MODELS."""
-    reward: str | None = None
-    """Row of reward.REWARDS; the model's own when absent."""
+    method: MethodName = "ours"
+    """The paper's method, the plain model, or what it is compared with (docs/training.md)."""
+    model: ModelName = "compact"
+    """Navigation model; all but compact are published ones."""
+    reward: RewardName | None = None
+    """r_o; the one the model was published with when absent."""
     seed: int = 0
     """Seed of weights, episodes and actions."""
     hyperparameters: Hyperparameters = field(default_factory=Hyperparameters)
@@ -89,7 +98,7 @@ class TrainOptions:
     out: Path = Path("out/runs/ours")
     """Folder of the run: checkpoints and log.jsonl. A killed run goes on from it."""
     stage1: Path | None = None
-    """stage1.safetensors of another run of the same seed: skips stage one."""
+    """stage1.safetensors of another run of the same seed; skips stage one."""
     run: RunConfig = field(default_factory=RunConfig)
     knowledge: Path | None = None
     """What the model knows of the objects (cfnav data knowledge); compact needs nothing."""
@@ -98,12 +107,11 @@ class TrainOptions:
     validation_episodes: int = 600
     """Frozen validation episodes, argmax."""
     checkpoint_s: float = 60.0
-    """Seconds between checkpoints."""
+    """Seconds between checkpoints; a kill loses no more."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where networks and episodes live; auto takes a GPU when there is one."""
     precision: Literal["highest", "high", "medium"] = "highest"
-    """Of float32 multiplications: medium computes in bfloat16 where the processor can, high in
-    TF32 on GPUs (torch.set_float32_matmul_precision)."""
+    """Of multiplications: float32, high is TF32 on GPUs, medium bfloat16 where it is fast."""
     threads: int = 1
     """CPU threads."""
     workers: int = 0

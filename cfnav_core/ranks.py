@@ -70,7 +70,7 @@ class Ranks:
         if batch % self.size:
             raise ValueError(
                 f"found {batch} parallel episodes for {self.size} processes, expected a multiple; "
-                "change --run.hyperparameters.batch or --nproc-per-node"
+                "change --batch or --nproc-per-node"
             )
         own = batch // self.size
         return Part(self.rank * own, own, batch)

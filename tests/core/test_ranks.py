@@ -19,9 +19,9 @@ def train(scenes, out, *launcher: str) -> None:
     command = [
         sys.executable, *launcher, "-m", "cfnav_core.cli", "train", "--scenes", str(scenes),
         "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
-        "--run.hyperparameters.stage1-episodes", "120", "--run.hyperparameters.stage2-episodes",
-        "120", "--run.hyperparameters.batch", "16", "--run.size.hidden", "16",
-        "--run.predictor-hidden", "8", "--validation-every", "100", "--validation-episodes", "20",
+        "--stage1-episodes", "120", "--stage2-episodes",
+        "120", "--batch", "16", "--hidden", "16",
+        "predictor-hidden", "8", "--validation-every", "100", "--validation-episodes", "20",
     ]  # fmt: skip
     subprocess.run(
         command, check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"}

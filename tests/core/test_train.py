@@ -1,18 +1,32 @@
 import json
+import os
+import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from cfnav_core.checkpoint import CheckpointError, load_tensors
-from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
+from cfnav_core.config import (
+    Hyperparameters,
+    MethodName,
+    ModelName,
+    ModelSize,
+    RewardName,
+    RunConfig,
+    TrainOptions,
+)
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, run_episodes
+from cfnav_core.methods import METHODS
 from cfnav_core.metrics import cf_sr
+from cfnav_core.models import MODELS
 from cfnav_core.networks import TorchNetworks
+from cfnav_core.reward import REWARDS
 from cfnav_core.run import BEST, CHECKPOINT, LOG, STAGE1, Run
 from cfnav_core.train import train
 
@@ -122,9 +136,9 @@ def test_killed_run_goes_on(scenes):
     command = [
         sys.executable, "-m", "cfnav_core.cli", "train", "--scenes", str(scenes),
         "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
-        "--run.hyperparameters.stage1-episodes", "400", "--run.hyperparameters.stage2-episodes",
-        "1500", "--run.hyperparameters.batch", "32", "--run.size.hidden", "16",
-        "--run.predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
+        "--stage1-episodes", "400", "--stage2-episodes",
+        "1500", "--batch", "32", "--hidden", "16",
+        "predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
         "--validation-every", "400",
     ]  # fmt: skip
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
@@ -177,3 +191,21 @@ def test_a_full_disk_leaves_the_checkpoint_that_was_there(tmp_path):
     assert done.stdout.endswith("); make room and run the same command again\n")
     assert list(tmp_path.iterdir()) == [path]
     assert load_tensors(path)[0]["a"].tolist() == [1, 1, 1]
+
+
+def test_names_on_the_command_line_are_those_of_the_tables():
+    assert get_args(MethodName) == tuple(METHODS)
+    assert get_args(ModelName) == tuple(MODELS)
+    assert get_args(RewardName) == tuple(REWARDS)
+
+
+def test_help_names_every_option_once():
+    done = subprocess.run(
+        [sys.executable, "-m", "cfnav_core.cli", "train", "--help"],
+        capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "100"},
+    )  # fmt: skip
+    asked = [f.name for c in (TrainOptions, RunConfig, Hyperparameters, ModelSize)
+             for f in fields(c) if f.name not in ("run", "hyperparameters", "size")]  # fmt: skip
+    for name in asked:
+        assert len(re.findall(rf"--{name.replace('_', '-')}[ \n]", done.stdout)) >= 1, name
+    assert "{ours,plain,reward,xiao,wu,stage_only,cp_only,reward_only}" in done.stdout
