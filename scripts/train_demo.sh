@@ -33,7 +33,7 @@ done
 train() { # train METHOD [MORE]: a run in out/METHOD
   cfnav train --scenes "$out/scenes" $(rooms --train-rooms $training) \
     $(rooms --validation-rooms $validation) \
-    method "$1" seed "$seed" --out "$out/$1" "${@:2}"
+    --method "$1" --seed "$seed" --out "$out/$1" "${@:2}"
 }
 train ours
 train plain --stage1 "$out/ours/stage1.safetensors"

@@ -21,7 +21,7 @@ def train(scenes, out, *launcher: str) -> None:
         "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
         "--stage1-episodes", "120", "--stage2-episodes",
         "120", "--batch", "16", "--hidden", "16",
-        "predictor-hidden", "8", "--validation-every", "100", "--validation-episodes", "20",
+        "--predictor-hidden", "8", "--validation-every", "100", "--validation-episodes", "20",
     ]  # fmt: skip
     subprocess.run(
         command, check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"}

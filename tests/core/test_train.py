@@ -138,7 +138,7 @@ def test_killed_run_goes_on(scenes):
         "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
         "--stage1-episodes", "400", "--stage2-episodes",
         "1500", "--batch", "32", "--hidden", "16",
-        "predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
+        "--predictor-hidden", "8", "--checkpoint-s", "0.2", "--validation-episodes", "20",
         "--validation-every", "400",
     ]  # fmt: skip
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
