@@ -303,6 +303,17 @@ def measure_env(parallel: int, seconds: float) -> float:
     return done / (time.process_time() - start)
 
 
+def memory_gb_per_s(megabytes: int = 512) -> float:
+    """Bytes read and written a second by one core that copies, the best of five times."""
+    source = torch.ones(megabytes << 20, dtype=torch.uint8)
+    target, best = torch.zeros_like(source), np.inf
+    for _ in range(5):
+        start = time.process_time()
+        target.copy_(source)
+        best = min(best, time.process_time() - start)
+    return 2 * source.numel() / best / 1e9
+
+
 def run_row(row: Row, seconds: float) -> dict[str, Any]:
     """Measure a row in processes of its own.
 
@@ -342,7 +353,9 @@ def main() -> None:
             continue
         print(_line(measured[-1]), flush=True)
     env = {n: round(measure_env(n, 2.0)) for n in (1, 256, 4096, 65_536)}
-    print("environment alone, steps/CPU-s: " + ", ".join(f"{n}: {v:,}" for n, v in env.items()))
+    bandwidth = round(memory_gb_per_s(), 1)
+    print("environment alone, steps/CPU-s: " + ", ".join(f"{n}: {v:,}" for n, v in env.items())
+          + f"; memory {bandwidth} GB/s")  # fmt: skip
     one, two = (
         next(r for r in measured if r["model"] == "baseline_label" and r["ranks"] == n)
         for n in (1, 2)
@@ -352,7 +365,7 @@ def main() -> None:
     write_json(options.out / "train.json", {
         "matmul_gflops": measured[0]["matmul_gflops"], "rows": measured,
         "env": [{"parallel": n, "steps_per_cpu_s": v} for n, v in env.items()],
-        "two_rank_speedup": speedup, "load": load,
+        "memory_gb_per_s": bandwidth, "two_rank_speedup": speedup, "load": load,
     })  # fmt: skip
 
 

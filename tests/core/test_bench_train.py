@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from cfnav_core.bench_train import Bench, Row, measure, measure_env, rows, synthetic_bank
+from cfnav_core.bench_train import (
+    Bench,
+    Row,
+    measure,
+    measure_env,
+    memory_gb_per_s,
+    rows,
+    synthetic_bank,
+)
 from cfnav_core.models import MODELS
 
 
@@ -48,4 +56,5 @@ def test_an_update_changes_the_weights():
 
 def test_the_environment_alone_is_measured():
     assert measure_env(8, 0.05) > 1000
+    assert 0.1 < memory_gb_per_s(16) < 1000
     assert torch.get_num_threads() == 1
