@@ -88,13 +88,11 @@ class Ranks:
         if self.size == 1:
             return
         gradients = [p.grad for p in parameters if p.grad is not None]
-        flat = torch.cat([g.flatten() for g in gradients])
-        dist.all_reduce(flat)
-        flat /= self.size
-        for gradient, mean in zip(
-            gradients, flat.split([g.numel() for g in gradients]), strict=True
-        ):
-            gradient.copy_(mean.view_as(gradient))
+        # all under way at once, without a copy of them
+        for work in [dist.all_reduce(g, async_op=True) for g in gradients]:
+            work.wait()
+        for gradient in gradients:
+            gradient /= self.size
 
     def wait(self) -> None:
         """Until everybody is here."""
