@@ -61,10 +61,11 @@ class Blocks:
 
     Args:
         arrays: float16 [n_k, ...] each.
+        in_memory: whether small ones may be joined.
     """
 
-    def __init__(self, arrays: list[np.ndarray]) -> None:
-        if sum(a.nbytes for a in arrays) <= IN_MEMORY_BYTES:
+    def __init__(self, arrays: list[np.ndarray], in_memory: bool = True) -> None:
+        if in_memory and sum(a.nbytes for a in arrays) <= IN_MEMORY_BYTES:
             arrays = [np.concatenate(arrays)]
         self._blocks = [torch.from_numpy(a) for a in arrays]
         self._first = torch.tensor(np.cumsum([0, *(len(a) for a in arrays)])[:-1])
@@ -87,12 +88,13 @@ class SceneBank:
 
     Args:
         scenes: at least one, all made with the same perception for the same objects.
+        in_memory: see ``Blocks``.
 
     Raises:
         SceneError: no scenes, mixed perceptions or objects, or no goal that can be reached.
     """
 
-    def __init__(self, scenes: list[OfflineScene]) -> None:
+    def __init__(self, scenes: list[OfflineScene], in_memory: bool = True) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
         made_with = {(s.perception, s.objects) for s in scenes}
@@ -122,8 +124,8 @@ class SceneBank:
         self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes]))
         self.actions_to = np.full((self.offsets[-1], len(self.objects)), -1, np.int16)
         self.tasks = self._find_tasks()
-        self._features = Blocks([s.features for s in scenes])
-        self._detections = Blocks([s.detections for s in scenes])
+        self._features = Blocks([s.features for s in scenes], in_memory)
+        self._detections = Blocks([s.detections for s in scenes], in_memory)
 
     def _with_offsets(self) -> zip[tuple[OfflineScene, int]]:
         return zip(self.scenes, self.offsets[:-1].tolist(), strict=True)
@@ -147,14 +149,14 @@ class SceneBank:
         return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts))
 
     @classmethod
-    def load(cls, folder: Path, rooms: Sequence[str] = ()) -> SceneBank:
+    def load(cls, folder: Path, rooms: Sequence[str] = (), in_memory: bool = True) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read.
         """
-        return cls(open_scenes(folder, rooms))
+        return cls(open_scenes(folder, rooms), in_memory)
 
     @property
     def inputs(self) -> Inputs:
