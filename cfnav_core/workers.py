@@ -11,6 +11,7 @@ Source: Section IV-C and Algorithm 1; optimizer as the lineage's (Adam with AMSG
 
 from __future__ import annotations
 
+import gc
 import multiprocessing.resource_tracker
 import signal
 import time
@@ -154,6 +155,7 @@ class Shared:
 
 def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared) -> None:
     """One worker until the run ends, or the process that started it."""
+    gc.freeze()  # collections would write to, and so copy, what all workers have imported
     torch.set_num_threads(1)
     config = options.run
     seed = np.random.SeedSequence([config.seed, index, int(shared.episodes)])
@@ -237,7 +239,7 @@ class Workers:
         """Start them."""
         # forked from one process that has imported everything: 32 of them start at once
         context = mp.get_context("forkserver")
-        context.set_forkserver_preload([__name__])
+        context.set_forkserver_preload([__name__, "torch._dynamo"])  # which optimizers import
         options, known = self.run.options, self.run.knowledge
         try:
             with _signals_held():
