@@ -15,6 +15,7 @@ import torch
 
 from cfnav_core.checkpoint import CheckpointError, load_tensors
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
+from cfnav_core.env import SceneBank
 from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
 from cfnav_core.train import train
 from cfnav_core.workers import EPS, Copy, Workers, parameters_of
@@ -215,3 +216,12 @@ def test_a_dead_worker_ends_the_run(options):
     assert "Traceback" not in text
     assert re.search(r"cfnav: found worker \d of 3 ended with SIGKILL", text), text
     assert episodes(options) > 0
+
+
+def test_what_stays_mapped_is_what_is_joined(options):
+    rooms = ("kitchen:0", "kitchen:1")
+    joined = SceneBank.load(options.scenes, rooms)
+    mapped = SceneBank.load(options.scenes, rooms, in_memory=False)
+    states = torch.arange(len(joined.scene)).flip(0)
+    for ours, expected in zip(mapped.observe(states), joined.observe(states), strict=True):
+        torch.testing.assert_close(ours, expected, rtol=0, atol=0)
