@@ -143,7 +143,6 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
             next_validation += options.validation_every
             _validate_and_log(run, sums, bar)
             sums = {}
-            saved = -float("inf")  # the checkpoint is never behind the log and best.safetensors
         if time.monotonic() - saved > options.checkpoint_s:
             run.save(CHECKPOINT)
             saved = time.monotonic()
