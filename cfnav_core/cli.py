@@ -150,7 +150,7 @@ Command = (
 
 
 def main() -> None:
-    """Entry point: exit 2 with one sentence on bad input."""
+    """Entry point: exit 2 with one sentence on bad input, 130 when it was told to stop."""
     try:
         tyro.cli(Command, prog="cfnav").run_command()  # type: ignore[call-overload]
     except ModuleNotFoundError as error:
@@ -160,6 +160,9 @@ def main() -> None:
     except (ValueError, OSError) as error:
         print(f"cfnav: {error}", file=sys.stderr)
         sys.exit(2)
+    except KeyboardInterrupt as stop:
+        print(f"cfnav: {str(stop) or 'stopped'}", file=sys.stderr)
+        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -68,14 +68,17 @@ class Blocks:
     Args:
         arrays: float16 [n_k, ...] each.
         device: where rows are wanted.
+        in_memory: whether they may be joined.
     """
 
-    def __init__(self, arrays: list[np.ndarray], device: torch.device) -> None:
+    def __init__(
+        self, arrays: list[np.ndarray], device: torch.device, in_memory: bool = True
+    ) -> None:
         self.device = device
         most = IN_MEMORY_BYTES
         if device.type == "cuda":
             most = torch.cuda.mem_get_info(device)[0] // 2
-        self._joined = sum(a.nbytes for a in arrays) <= most
+        self._joined = in_memory and sum(a.nbytes for a in arrays) <= most
         self._blocks = [torch.from_numpy(a) for a in arrays]
         if self._joined:
             whole = torch.cat(self._blocks)
@@ -107,6 +110,7 @@ class SceneBank:
         layout: published data set whose rule draws the episodes (see ``published.draw``); without
             one, tasks and then starts are drawn alike.
         device: where observations and tables are wanted.
+        in_memory: see ``Blocks``.
 
     Raises:
         SceneError: no scenes, mixed perceptions or objects, or a scene without a goal that can be
@@ -119,6 +123,7 @@ class SceneBank:
         *,
         layout: Layout | None = None,
         device: torch.device = CPU,
+        in_memory: bool = True,
     ) -> None:
         if not scenes:
             raise SceneError("found no scenes; make some with python -m sim_bridge.dataset")
@@ -149,8 +154,8 @@ class SceneBank:
         self.distance = torch.from_numpy(np.concatenate([s.distance for s in scenes])).to(device)
         self.actions_to = np.full((self.offsets[-1], len(self.objects)), -1, np.int16)
         self.tasks = self._find_tasks(layout)
-        self._features = Blocks([s.features for s in scenes], device)
-        self._detections = Blocks([s.detections for s in scenes], device)
+        self._features = Blocks([s.features for s in scenes], device, in_memory)
+        self._detections = Blocks([s.detections for s in scenes], device, in_memory)
 
     def _with_offsets(self) -> zip[tuple[OfflineScene, int]]:
         return zip(self.scenes, self.offsets[:-1].tolist(), strict=True)
@@ -184,7 +189,13 @@ class SceneBank:
         return Tasks(np.array(scene), np.array(goals), first, count, np.concatenate(starts), upto)
 
     @classmethod
-    def load(cls, folder: Path, rooms: Sequence[str] = (), device: torch.device = CPU) -> SceneBank:
+    def load(
+        cls,
+        folder: Path,
+        rooms: Sequence[str] = (),
+        device: torch.device = CPU,
+        in_memory: bool = True,
+    ) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
         A store of published data draws as its code does.
@@ -193,7 +204,8 @@ class SceneBank:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read.
         """
-        return cls(open_scenes(folder, rooms), layout=layout_of(folder), device=device)
+        scenes = open_scenes(folder, rooms)
+        return cls(scenes, layout=layout_of(folder), device=device, in_memory=in_memory)
 
     @property
     def inputs(self) -> Inputs:

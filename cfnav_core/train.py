@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import resource
+import signal
 import time
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Protocol
 
@@ -81,7 +83,11 @@ class Synchronous:
 
 
 def train(options: TrainOptions) -> Path:
-    """Run both stages; returns the best checkpoint of stage two by validation CF-SR."""
+    """Run both stages; returns the best checkpoint of stage two by validation CF-SR.
+
+    Raises:
+        KeyboardInterrupt: SIGINT or SIGTERM ended the run, after a checkpoint.
+    """
     torch.set_num_threads(options.threads)
     torch.set_float32_matmul_precision(options.precision)
     run = Run(options)
@@ -92,14 +98,31 @@ def train(options: TrainOptions) -> Path:
     else:
         run.resume()
         execution, running = Synchronous(run), nullcontext()
-    with running:
-        _rounds(run, execution)
+    with running, _told_to_stop() as told:
+        _rounds(run, execution, told)
     run.ranks.wait()
     run.ranks.leave()
+    if run.episodes < run.total:
+        raise KeyboardInterrupt(
+            f"stopped after {run.episodes} of {run.total} episodes; the same command goes on"
+        )
     return options.out / BEST
 
 
-def _rounds(run: Run, execution: Execution) -> None:
+@contextmanager
+def _told_to_stop() -> Iterator[list[int]]:
+    """The SIGINT and SIGTERM that came; a run ends between two rounds."""
+    told: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda came, _: told.append(came)) for number in numbers]
+    try:
+        yield told
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
     options, leads = run.options, run.ranks.leads
     bar = tqdm(
         total=run.total, initial=run.episodes, unit="episode", mininterval=5, disable=not leads
@@ -107,7 +130,8 @@ def _rounds(run: Run, execution: Execution) -> None:
     saved = since = time.monotonic()
     sums: dict[str, float] = {}
     next_validation = run.episodes + options.validation_every
-    while run.episodes < run.total:
+    # all ranks stop in the same round
+    while run.episodes < run.total and not run.ranks.total(len(told))[0]:
         in_stage1 = run.episodes < run.hp.stage1_episodes
         before, first_step = run.episodes, run.steps
         for key, value in execution.round().items():

@@ -4,19 +4,26 @@ Every worker copies the shared weights, acts for t_max steps, and steps the shar
 its own gradients, without a lock (``cfnav train --workers 32``). Nothing is repeatable: the order
 of updates is the machine's. The default execution in ``train`` is.
 
+There is no lock at all: whatever dies, at whatever moment, leaves nothing that others wait for.
+
 Source: Section IV-C and Algorithm 1; optimizer as the lineage's (Adam with AMSGrad, eps 1e-3).
 """
 
 from __future__ import annotations
 
+import gc
+import multiprocessing.resource_tracker
+import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 import torch.multiprocessing as mp
-from torch import nn
+from torch import Tensor, nn
 
 from cfnav_core.agent import Agent, new_agent
 from cfnav_core.algorithm import Memory, collect_rollout, losses
@@ -24,28 +31,105 @@ from cfnav_core.config import TrainOptions
 from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.methods import METHODS
 from cfnav_core.models import Knowledge
+from cfnav_core.models.recurrent import weight_gradients_at_once
 
 if TYPE_CHECKING:
     from cfnav_core.run import Run
 
 EPS = 1e-3
 ROUND_S = 0.5
+END_S = 60.0
+"""A worker that is still busy this long after the end is killed."""
 COUNTS = ("ended", "successes", "collision_free", "collisions", "steps", "updates")
+MOMENTS = ("exp_avg", "exp_avg_sq", "max_exp_avg_sq")
 
 
-class SharedAdam(torch.optim.Adam):
-    """Adam whose state lies in shared memory from the start."""
+def parameters_of(agent: Agent) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
+    """Theta with theta_v, and phi without what it shares with them."""
+    policy = list(agent.model.parameters())
+    held = {id(p) for p in policy}
+    return policy, [p for p in agent.predictor.parameters() if id(p) not in held]
 
-    def __init__(self, parameters: list[nn.Parameter], lr: float) -> None:
-        super().__init__(parameters, lr, eps=EPS, amsgrad=True)
-        for parameter in parameters:
-            self.state[parameter] = {
-                "step": torch.zeros(()).share_memory_(),
-                **{
-                    key: torch.zeros_like(parameter).share_memory_()
-                    for key in ("exp_avg", "exp_avg_sq", "max_exp_avg_sq")
-                },
-            }
+
+def adam(parameters: list[nn.Parameter], lr: float) -> torch.optim.Adam:
+    """The lineage's optimizer."""
+    return torch.optim.Adam(parameters, lr, eps=EPS, amsgrad=True, fused=True)
+
+
+def _parts(vector: Tensor, parameters: list[nn.Parameter]) -> list[Tensor]:
+    """A vector as views in the shapes of parameters."""
+    pieces = vector.split([p.numel() for p in parameters])
+    return [piece.view_as(p) for piece, p in zip(pieces, parameters, strict=True)]
+
+
+@dataclass
+class Learner:
+    """Weights and Adam's state in shared memory, one vector each.
+
+    Attributes:
+        weights: float32 [n].
+        moments: float32 [n] each, in the order of ``MOMENTS``.
+        step: float32 [], updates so far.
+    """
+
+    weights: Tensor
+    moments: list[Tensor]
+    step: Tensor
+
+    @classmethod
+    def of(cls, optimizer: torch.optim.Adam) -> Learner:
+        """Move an optimizer's state and its parameters to shared memory; they become views."""
+        parameters = optimizer.param_groups[0]["params"]
+        rows = [optimizer.state[p] for p in parameters]
+        # a synchronous stage one brings no maximum
+        found = [{"max_exp_avg_sq": r["exp_avg_sq"], **r} if r else {} for r in rows]
+        weights = nn.utils.parameters_to_vector(parameters).detach().share_memory_()
+        moments = [torch.zeros_like(weights).share_memory_() for _ in MOMENTS]
+        step = torch.tensor(float(max(row.get("step", 0) for row in found))).share_memory_()
+        for parameter, view in zip(parameters, _parts(weights, parameters), strict=True):
+            parameter.data = view
+        for key, vector in zip(MOMENTS, moments, strict=True):
+            for row, old, view in zip(rows, found, _parts(vector, parameters), strict=True):
+                if old:
+                    view.copy_(old[key])
+                row[key] = view
+        for row in rows:
+            row["step"] = step
+        return cls(weights, moments, step)
+
+
+class Copy:
+    """One worker's theta' or phi'.
+
+    Args:
+        shared: theta or phi.
+        parameters: of the worker's own network; they become views of one vector.
+        lr: of Adam.
+        max_norm: gradients are clipped to it.
+    """
+
+    def __init__(
+        self, shared: Learner, parameters: list[nn.Parameter], lr: float, max_norm: float
+    ) -> None:
+        self.shared, self.max_norm = nn.Parameter(shared.weights), max_norm
+        self.weights, self.gradient = (torch.zeros_like(shared.weights) for _ in range(2))
+        parts = _parts(self.weights, parameters), _parts(self.gradient, parameters)
+        for parameter, weights, gradient in zip(parameters, *parts, strict=True):
+            parameter.data, parameter.grad = weights, gradient
+        self.optimizer = adam([self.shared], lr)
+        moments = dict(zip(MOMENTS, shared.moments, strict=True))
+        self.optimizer.state[self.shared] = {"step": shared.step, **moments}
+        self.shared.grad = self.gradient
+
+    def fetch(self) -> None:
+        """Theta' <- theta, d theta <- 0."""
+        self.weights.copy_(self.shared.detach())
+        self.gradient.zero_()
+
+    def update(self) -> None:
+        """Asynchronous update of theta."""
+        nn.utils.clip_grad_norm_([self.shared], self.max_norm)
+        self.optimizer.step()
 
 
 @dataclass
@@ -53,144 +137,154 @@ class Shared:
     """What all workers see and change.
 
     Attributes:
-        agent: weights in shared memory.
-        optimizer, predictor_optimizer: over them, without parameters held twice.
-        counts: float64 in shared memory, by ``COUNTS``.
-        stop: set when the run is to end.
+        policy, predictor: theta with theta_v, and phi.
+        counts: float64 [workers + 1, 6], by ``COUNTS``: each worker adds to its own row; the last
+            is what was there before.
+        stop: bool [], the run is to end.
     """
 
-    agent: Agent
-    optimizer: SharedAdam
-    predictor_optimizer: SharedAdam
-    counts: torch.Tensor
-    lock: Any
-    stop: Any
+    policy: Learner
+    predictor: Learner
+    counts: Tensor
+    stop: Tensor
 
-    @classmethod
-    def of(cls, agent: Agent, lr: float) -> Shared:
-        """Move an agent to shared memory."""
-        agent.model.share_memory()
-        agent.predictor.share_memory()
-        policy = {id(p) for p in agent.model.parameters()}
-        own = [p for p in agent.predictor.parameters() if id(p) not in policy]
-        context = mp.get_context("spawn")
-        counts = torch.zeros(len(COUNTS), dtype=torch.float64).share_memory_()
-        return cls(
-            agent, SharedAdam(list(agent.model.parameters()), lr), SharedAdam(own, lr), counts,
-            context.Lock(), context.Event(),
-        )  # fmt: skip
-
-    def add(self, *numbers: float) -> None:
-        """Count; all at once."""
-        with self.lock:
-            self.counts += torch.tensor(numbers, dtype=torch.float64)
+    @property
+    def episodes(self) -> float:
+        """E."""
+        return float(self.counts[:, 0].sum())
 
 
 def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared) -> None:
-    """One worker until the run ends."""
+    """One worker until the run ends, or the process that started it."""
+    gc.freeze()  # collections would write to, and so copy, what all workers have imported
     torch.set_num_threads(1)
+    torch.set_float32_matmul_precision(options.precision)
     config = options.run
-    seed = np.random.SeedSequence([config.seed, index, int(shared.counts[0])])
+    seed = np.random.SeedSequence([config.seed, index, int(shared.episodes)])
     torch.manual_seed(int(seed.generate_state(1)[0]))
-    bank = SceneBank.load(options.scenes, options.train_rooms)
+    # what is mapped from disk is in memory once for all workers
+    bank = SceneBank.load(options.scenes, options.train_rooms, in_memory=False)
     agent = new_agent(config, bank.inputs, knowledge)
     env = ObjectNavEnv(bank, 1, np.random.default_rng(seed))
     memory = Memory.zeros(env, agent)
     generator = torch.Generator().manual_seed(torch.initial_seed())
     method, hp = METHODS[config.method], config.hyperparameters
-    while not shared.stop.is_set():
-        stage = method.stage1 if shared.counts[0] < hp.stage1_episodes else method.stage2
-        copy_weights(shared.agent, agent)
+    policy, predictor = (
+        Copy(learner, own, hp.lr, hp.max_grad_norm)
+        for learner, own in zip(
+            (shared.policy, shared.predictor), parameters_of(agent), strict=True
+        )
+    )
+    total = hp.stage1_episodes + hp.stage2_episodes
+    while shared.episodes < total and not shared.stop and _parent_lives():
+        stage = method.stage1 if shared.episodes < hp.stage1_episodes else method.stage2
+        policy.fetch()
+        predictor.fetch()
         memory.detach()
-        rollout = collect_rollout(env, agent, memory, stage, hp.rollout_length, generator)
-        # sums over the rollout, as printed
-        loss, collision, _ = losses(rollout, stage, hp, moves=1.0)
-        apply_gradients(agent, shared, loss * hp.rollout_length, collision, hp.max_grad_norm)
-        shared.add(
+        with weight_gradients_at_once(agent.model, agent.predictor):
+            rollout = collect_rollout(env, agent, memory, stage, hp.rollout_length, generator)
+            # sums over the rollout, as printed
+            loss, collision, _ = losses(rollout, stage, hp, moves=1.0)
+            loss = loss * hp.rollout_length
+            (loss if collision is None else loss + collision).backward()
+        policy.update()
+        if collision is not None:
+            predictor.update()
+        shared.counts[index] += torch.tensor([
             rollout.episodes, rollout.successes, rollout.collision_free, rollout.collisions,
             hp.rollout_length, 1,
-        )  # fmt: skip
+        ])  # fmt: skip
 
 
-def copy_weights(source: Agent, target: Agent) -> None:
-    """Theta' <- theta, phi' <- phi."""
-    with torch.no_grad():
-        for name in ("model", "predictor"):
-            pairs = zip(
-                getattr(source, name).parameters(), getattr(target, name).parameters(), strict=True
-            )
-            for ours, theirs in pairs:
-                theirs.copy_(ours)
+def _parent_lives() -> bool:
+    parent = mp.parent_process()
+    return parent is not None and parent.is_alive()
 
 
-def apply_gradients(
-    agent: Agent, shared: Shared, loss: torch.Tensor, collision: torch.Tensor | None,
-    max_norm: float,
-) -> None:  # fmt: skip
-    """Asynchronous update of theta, and of phi where it learns."""
-    for module in (agent.model, agent.predictor):
-        module.zero_grad(set_to_none=True)
-    (loss if collision is None else loss + collision).backward()
-    learned: list[tuple[nn.Module, nn.Module, SharedAdam]] = [
-        (agent.model, shared.agent.model, shared.optimizer)
-    ]
-    if collision is not None:
-        learned.append((agent.predictor, shared.agent.predictor, shared.predictor_optimizer))
-    for own, common, optimizer in learned:
-        nn.utils.clip_grad_norm_(own.parameters(), max_norm)
-        for parameter, target in zip(own.parameters(), common.parameters(), strict=True):
-            target.grad = parameter.grad
-        optimizer.step()
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """What is started inside never sees SIGINT or SIGTERM, which a terminal sends to everybody.
+
+    The leader ends its workers by itself; what came meanwhile reaches it afterwards.
+    """
+    # its start, which the first worker's would bring about, lets signals through again
+    multiprocessing.resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Workers:
     """The workers of a run as a context; ``round`` waits a moment and says what they did.
 
     Raises:
-        RuntimeError: a worker has ended by itself.
+        ChildProcessError: a worker has ended by itself.
     """
 
     def __init__(self, run: Run) -> None:
-        self.run, self.shared = run, Shared.of(run.agent, run.hp.lr)
-        run.optimizer = self.shared.optimizer
-        run.predictor_optimizer = self.shared.predictor_optimizer
+        self.run = run
+        policy, predictor = parameters_of(run.agent)
+        run.optimizer = adam(policy, run.hp.lr)
+        run.predictor_optimizer = adam(predictor, run.hp.lr)
         run.resume()
-        for optimizer in (run.optimizer, run.predictor_optimizer):
-            for row in optimizer.state.values():
-                for value in row.values():
-                    value.share_memory_()  # what a checkpoint brought
-        self.shared.counts[0], self.shared.counts[4] = run.episodes, run.steps
-        self.before = self.shared.counts.clone()
+        count = run.options.workers
+        counts = torch.zeros(count + 1, len(COUNTS), dtype=torch.float64).share_memory_()
+        counts[count, 0], counts[count, 4] = run.episodes, run.steps
+        stop = torch.zeros((), dtype=torch.bool).share_memory_()
+        learners = Learner.of(run.optimizer), Learner.of(run.predictor_optimizer)
+        self.shared = Shared(*learners, counts, stop)
+        self.before = counts.sum(0)
         self.processes: list[Any] = []
 
     def __enter__(self) -> Workers:
         """Start them."""
-        context = mp.get_context("spawn")
+        # forked from one process that has imported everything: 32 of them start at once
+        context = mp.get_context("forkserver")
+        context.set_forkserver_preload([__name__, "torch._dynamo"])  # which optimizers import
         options, known = self.run.options, self.run.knowledge
-        for k in range(options.workers):
-            process = context.Process(target=work, args=(k, options, known, self.shared))
-            process.daemon = True
-            process.start()
-            self.processes.append(process)
+        try:
+            with _signals_held():
+                for k in range(options.workers):
+                    arguments = (k, options, known, self.shared)
+                    process = context.Process(target=work, args=arguments, daemon=True)
+                    process.start()
+                    self.processes.append(process)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         """End them after their present rollout."""
-        self.shared.stop.set()
+        self.shared.stop.fill_(True)
+        deadline = time.monotonic() + END_S
         for process in self.processes:
-            process.join()
+            process.join(max(0.0, deadline - time.monotonic()))
+            if process.is_alive():
+                process.kill()
+                process.join()
 
     def round(self) -> dict[str, float]:
         """See ``train.Execution``."""
         time.sleep(ROUND_S)
         for number, process in enumerate(self.processes):
-            if process.exitcode is not None:
-                raise RuntimeError(
-                    f"worker {number} ended with code {process.exitcode}; see its message above"
+            if process.exitcode:
+                raise ChildProcessError(
+                    f"found worker {number} of {len(self.processes)} ended with "
+                    f"{_reason(process.exitcode)}, expected it to run to the end; the same "
+                    "command goes on from the last checkpoint"
                 )
-        now = self.shared.counts.clone()
+        now = self.shared.counts.sum(0)
         change, self.before = (now - self.before).tolist(), now
         self.run.episodes, self.run.steps = int(now[0]), int(now[4])
         figures = dict(zip(COUNTS, change, strict=True))
         del figures["steps"]
         return figures
+
+
+def _reason(code: int) -> str:
+    if code == -signal.SIGKILL:
+        return "SIGKILL (out of memory? give fewer --workers)"
+    return signal.Signals(-code).name if code < 0 else f"code {code} (see its message above)"

@@ -49,8 +49,10 @@ class LSTMCell(nn.LSTMCell):
             (self.weight_hh, gates.t() @ h.to(gates.dtype)),
             (self.bias_ih, bias), (self.bias_hh, bias),
         ):  # fmt: skip
-            gradient = gradient.to(parameter.dtype)
-            parameter.grad = gradient if parameter.grad is None else parameter.grad + gradient
+            if parameter.grad is None:
+                parameter.grad = gradient.to(parameter.dtype)
+            else:
+                parameter.grad += gradient  # it may be part of a vector, see workers
 
 
 @contextmanager

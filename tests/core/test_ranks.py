@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+import time
 
 import pytest
 import torch
@@ -14,26 +16,34 @@ from cfnav_core.run import CHECKPOINT
 
 from .worlds import hall
 
+TORCHRUN = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2")
+DEADLINE_S = 120.0
 
-def train(scenes, out, *launcher: str) -> None:
-    command = [
+
+def command(scenes, out, *launcher: str, stage2: int = 120) -> list[str]:
+    return [
         sys.executable, *launcher, "-m", "cfnav_core.cli", "train", "--scenes", str(scenes),
         "--train-rooms", "kitchen:0", "--validation-rooms", "kitchen:1", "--out", str(out),
         "--stage1-episodes", "120", "--stage2-episodes",
-        "120", "--batch", "16", "--hidden", "16",
+        str(stage2), "--batch", "16", "--hidden", "16",
         "--predictor-hidden", "8", "--validation-every", "100", "--validation-episodes", "20",
     ]  # fmt: skip
-    subprocess.run(
-        command, check=True, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
-    )
 
 
-def test_two_ranks_do_what_one_does(tmp_path):
+@pytest.fixture
+def scenes(tmp_path):
     for seed in range(2):
         hall(4, 3, seed=seed, name=f"kitchen:{seed}").save(tmp_path / "s" / f"kitchen_{seed:05d}")
-    train(tmp_path / "s", tmp_path / "one")
-    torchrun = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2")
-    train(tmp_path / "s", tmp_path / "two", *torchrun)
+    return tmp_path / "s"
+
+
+ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+def test_two_ranks_do_what_one_does(scenes, tmp_path):
+    for name, launcher in (("one", ()), ("two", TORCHRUN)):
+        line = command(scenes, tmp_path / name, *launcher)
+        subprocess.run(line, check=True, capture_output=True, env=ONE_THREAD)
     (one, head), (two, other) = (
         load_tensors(tmp_path / name / CHECKPOINT) for name in ("one", "two")
     )
@@ -48,6 +58,24 @@ def test_two_ranks_do_what_one_does(tmp_path):
         for name in ("one", "two")
     ]
     assert [row["sr"] for row in logs[0]] == [row["sr"] for row in logs[1]]
+
+
+def test_ranks_that_are_told_to_stop_write_a_checkpoint(scenes, tmp_path):
+    line = command(scenes, tmp_path / "run", *TORCHRUN, stage2=50_000)
+    process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=ONE_THREAD)
+    log, deadline = tmp_path / "run" / "log.jsonl", time.monotonic() + DEADLINE_S
+    try:
+        while not log.exists():
+            assert time.monotonic() < deadline, f"no log in {DEADLINE_S} s"
+            time.sleep(0.05)
+        process.terminate()
+        _, text = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
+    said = re.findall(r"cfnav: stopped after (\d+) of 50120 episodes", text)
+    _, head = load_tensors(tmp_path / "run" / CHECKPOINT)
+    assert said == [str(head["episodes"])] * 2
+    assert process.returncode != 0
 
 
 def test_episodes_that_cannot_be_shared_are_refused():

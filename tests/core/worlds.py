@@ -1,6 +1,8 @@
-"""Small hand-made scenes: an open hall with a few pillars, every state with its own features."""
+"""Small hand-made scenes: an open hall with a few pillars, in two kinds of pictures."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -63,3 +65,36 @@ def hall(
         horizon=(index % HORIZONS).astype(np.int8), positions=positions,
         instances=np.array([c in names for c in CATEGORIES], np.int16), distance=distance,
     )  # fmt: skip
+
+
+def seen_hall(seed: int, name: str) -> OfflineScene:
+    """A hall of 5 x 5 cells with five pillars at random, whose pictures say what stands around.
+
+    Features are the free cells in each of eight directions, seen from the robot, and the tilt.
+    Detections are bearing and distance of a goal within 45 degrees. A goal is visible up to two
+    cells away. So what is learnt in some halls holds in others.
+    """
+    rng = np.random.default_rng(seed)
+    cells = [divmod(int(k), 5) for k in rng.permutation(25)]
+    goals = dict(zip(("Laptop", "Mug"), cells, strict=False))
+    scene = hall(5, 5, tuple(cells[2:7]), goals, seed, name)
+    free, at = np.zeros(scene.num_states), np.arange(scene.num_states)
+    for _ in range(2):
+        free += ~scene.collided[at]
+        at = scene.next_state[at, Action.MoveAhead]
+    features, turned = np.zeros_like(scene.features), np.arange(scene.num_states)
+    for direction in range(HEADINGS):
+        features[:, direction] = free[turned] / 2
+        turned = scene.next_state[turned, Action.RotateLeft]
+    features[:, HEADINGS] = scene.horizon
+    detections, visible = np.zeros_like(scene.detections), np.zeros_like(scene.visible)
+    for goal, cell in goals.items():
+        away = np.array(cell) - scene.positions[scene.position] / 0.25
+        cells_away = np.hypot(*away.T)
+        bearing = np.arctan2(away[:, 1], away[:, 0]) - scene.heading * np.pi / 4
+        seen = (np.cos(bearing) > 0.7) | (cells_away == 0)
+        near = seen & (cells_away <= 2) & (scene.horizon == 0)
+        columns = np.ones_like(bearing), np.sin(bearing), np.cos(bearing), cells_away / 5, near
+        detections[:, CATEGORY_ID[goal]] = np.stack(columns, 1) * seen[:, None]
+        visible[:, CATEGORY_ID[goal]] = near
+    return replace(scene, features=features, detections=detections, visible=visible)
