@@ -11,13 +11,20 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
+SCHEMA = 1
+
 
 class CheckpointError(ValueError):
     """A checkpoint is damaged, of another network or cannot be written; the message says which."""
 
 
-def save_tensors(path: Path, tensors: dict[str, Tensor], head: dict[str, Any]) -> None:
+def save_tensors(
+    path: Path, tensors: dict[str, Tensor], head: dict[str, Any], kind: str = "run"
+) -> None:
     """Write named tensors and a JSON head; the file appears only when complete.
+
+    Args:
+        kind: what is saved; ``load_tensors`` asks for it again.
 
     Raises:
         CheckpointError: the disk is full or refuses; what was there before stays whole.
@@ -26,7 +33,8 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], head: dict[str, Any]) -
     copies = {k: v.detach().clone().contiguous() for k, v in tensors.items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        save_file(copies, partial, {"head": json.dumps(head)})
+        whole = {"schema": SCHEMA, "kind": kind, **head}
+        save_file(copies, partial, {"head": json.dumps(whole)})
         partial.replace(path)
     except (OSError, SafetensorError) as error:
         partial.unlink(missing_ok=True)
@@ -35,20 +43,28 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], head: dict[str, Any]) -
         ) from error
 
 
-def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+def load_tensors(path: Path, kind: str = "run") -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read what ``save_tensors`` wrote.
 
     Raises:
-        CheckpointError: missing or damaged.
+        CheckpointError: missing, damaged, of another kind or schema.
     """
     try:
         with safe_open(path, "pt") as file:
             tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
-            return tensors, json.loads((file.metadata() or {})["head"])
-    except (OSError, SafetensorError, KeyError, ValueError) as error:
+            head = json.loads((file.metadata() or {})["head"])
+        found = head["kind"], head["schema"]
+    except (OSError, SafetensorError, KeyError, ValueError, TypeError) as error:
         raise CheckpointError(
-            f"found no readable checkpoint at {path} ({error}); delete it to start again"
+            f"found no readable checkpoint at {path} ({error}); name another file, or delete it to "
+            "start again"
         ) from error
+    if found != (kind, SCHEMA):
+        raise CheckpointError(
+            f"found a checkpoint of kind {found[0]!r} and schema {found[1]} at {path}, expected "
+            f"{kind!r} and {SCHEMA}; name another file, or train again"
+        )
+    return tensors, head
 
 
 def optimizer_tensors(prefix: str, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
@@ -77,7 +93,8 @@ def restore_optimizer(
 def save_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, seen: int) -> None:
     """Checkpoint of a supervised run: weights, optimizer and the number of samples seen."""
     tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
-    save_tensors(path, tensors | optimizer_tensors("optimizer", optimizer), {"seen": seen})
+    tensors |= optimizer_tensors("optimizer", optimizer)
+    save_tensors(path, tensors, {"seen": seen}, "supervised")
 
 
 def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> int:
@@ -86,7 +103,7 @@ def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> 
     Raises:
         CheckpointError: damaged, or of another network.
     """
-    tensors, head = load_tensors(path)
+    tensors, head = load_tensors(path, "supervised")
     load_module(path, "net", net, tensors)
     restore_optimizer("optimizer", optimizer, tensors)
     return int(head["seen"])

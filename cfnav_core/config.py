@@ -116,3 +116,24 @@ class TrainOptions:
     """CPU threads."""
     workers: int = 0
     """Asynchronous workers as in the paper (32 there); 0 is batched and synchronous."""
+
+    def check(self) -> None:
+        """Look at the numbers.
+
+        Raises:
+            ValueError: one makes no sense.
+        """
+        hp = self.run.hyperparameters
+        least = {
+            "stage1_episodes": (hp.stage1_episodes, 0), "stage2_episodes": (hp.stage2_episodes, 0),
+            "batch": (hp.batch, 1), "rollout_length": (hp.rollout_length, 1),
+            "validation_every": (self.validation_every, 1),
+            "validation_episodes": (self.validation_episodes, 1),
+            "checkpoint_s": (self.checkpoint_s, 0), "threads": (self.threads, 1),
+            "workers": (self.workers, 0),
+        }  # fmt: skip
+        for name, (found, expected) in least.items():
+            if not found >= expected:
+                raise ValueError(
+                    f"found --{name.replace('_', '-')} {found}, expected at least {expected}"
+                )

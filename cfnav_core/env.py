@@ -8,11 +8,12 @@ collision. Done ends the episode, with success when the goal is visible; so does
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -62,8 +63,9 @@ class Tasks:
 class Blocks:
     """Rows of equal shape in one or many arrays, read by row number.
 
-    What fits is joined in the memory of the device, at most half of a GPU's; larger data stay
-    mapped from disk, so that what is resident is bounded by the rows in use.
+    What fits is joined in the memory of the device, at most half of a GPU's. Larger data stay
+    mapped from disk: a row in use is read from there, and the process itself holds nothing of it;
+    the system keeps read pages as long as it has memory to spare.
 
     Args:
         arrays: float16 [n_k, ...] each.
@@ -80,14 +82,22 @@ class Blocks:
             most = torch.cuda.mem_get_info(device)[0] // 2
         self._joined = in_memory and sum(a.nbytes for a in arrays) <= most
         self._blocks = [torch.from_numpy(a) for a in arrays]
-        if self._joined:
-            whole = torch.cat(self._blocks)
-            if whole.dim() == 4:
-                # 1x1 convolutions read the channels of a place; the values stay the same
-                whole = whole.contiguous(memory_format=torch.channels_last)
-            self._blocks = [whole.to(device)]
         ends = np.cumsum([len(a) for a in arrays])
         self._first = torch.from_numpy(np.append(0, ends[:-1]))
+        if self._joined:
+            self._blocks = [self._join(int(ends[-1]))]
+        else:
+            for array in arrays:
+                _read_only_what_is_asked_for(array)
+
+    def _join(self, rows: int) -> Tensor:
+        shape, kind = (rows, *self._blocks[0].shape[1:]), self._blocks[0].dtype
+        # 1x1 convolutions read the channels of a place; the values stay the same
+        order = torch.channels_last if len(shape) == 4 else torch.contiguous_format
+        whole = torch.empty(shape, dtype=kind, device=self.device, memory_format=order)
+        for first, block in zip(self._first.tolist(), self._blocks, strict=True):
+            whole[first : first + len(block)] = block.to(self.device)
+        return whole
 
     def __getitem__(self, rows: Tensor) -> Tensor:
         """Float32 [..., *shape] on the device, of rows int64 [...]."""
@@ -100,6 +110,15 @@ class Blocks:
             at = (block == k).nonzero()[:, 0]
             out[at] = self._blocks[k][flat[at] - self._first[k]].float()
         return out.unflatten(0, rows.shape).to(self.device)
+
+
+def _read_only_what_is_asked_for(array: np.ndarray) -> None:
+    """Tell the system not to read ahead in a mapped file: rows are drawn at random."""
+    base: Any = array
+    while isinstance(base, np.ndarray):
+        base = base.base
+    if isinstance(base, mmap.mmap):
+        base.madvise(mmap.MADV_RANDOM)
 
 
 class SceneBank:

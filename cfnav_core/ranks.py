@@ -2,7 +2,8 @@
 
 All ranks hold the same weights and draw the same random numbers; they take their own rows of them,
 sum what they count and average their gradients. So N ranks do what one rank with all the episodes
-does, up to the rounding of sums.
+does, up to the rounding of sums, and to dropout and other noise inside networks, of which every
+rank draws its own.
 """
 
 from __future__ import annotations
@@ -52,7 +53,12 @@ class Ranks:
             raise ValueError("found no GPU that torch can use; leave out --device or give cpu")
         if name == "cpu" or not torch.cuda.is_available():
             return torch.device("cpu")
-        device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))
+        local, there = int(os.environ.get("LOCAL_RANK", 0)), torch.cuda.device_count()
+        if local >= there:
+            raise ValueError(
+                f"found {there} GPUs, expected one for each process; give --nproc-per-node {there}"
+            )
+        device = torch.device("cuda", local)
         torch.cuda.set_device(device)
         return device
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from cfnav_core.metrics import cf_sr, sr
 from cfnav_core.models import Knowledge
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.ranks import Ranks
+from cfnav_core.scene_check import not_finite
 from cfnav_core.scenes import scene_names
 
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
@@ -44,6 +45,7 @@ class Run:
     """
 
     def __init__(self, options: TrainOptions) -> None:
+        options.check()
         rooms = (options.train_rooms, options.validation_rooms)
         shared = set.intersection(*(set(scene_names(options.scenes, r)) for r in rooms))
         if shared:
@@ -99,7 +101,9 @@ class Run:
                 f"{self.bank.perception}; give scenes of the same perception"
             )
         if source == own:
-            self._check_same(head["config"])
+            self._check_same(tensors, head)
+        else:
+            self._check_stage1(source, head)
         load_module(source, "model", self.model, tensors)
         load_module(source, "predictor", self.predictor, tensors)
         restore_optimizer("optimizer", self.optimizer, tensors)
@@ -110,19 +114,61 @@ class Run:
             if self.ranks.leads:
                 self._forget_later_lines()
 
-    def _check_same(self, found: dict[str, Any]) -> None:
+    def _check_same(self, tensors: dict[str, torch.Tensor], head: dict[str, Any]) -> None:
         """A run goes on as what it was; only its hyperparameters, such as its length, may change.
 
         Raises:
-            CheckpointError: it was another method, model, seed or size.
+            CheckpointError: it was another method, model, seed or size, had other rooms, or knew
+                something else.
         """
-        asked = asdict(self.options.run)
+        options = self.options
+        asked = asdict(options.run) | {
+            "train_rooms": list(options.train_rooms),
+            "validation_rooms": list(options.validation_rooms),
+        }
+        found = head | head["config"]
         for key, value in asked.items():
             if key != "hyperparameters" and found.get(key) != value:
                 raise CheckpointError(
-                    f"found a run with {key} {found.get(key)!r} in {self.options.out}, but "
+                    f"found a run with {key} {found.get(key)!r} in {options.out}, but "
                     f"{value!r} is asked for; choose another --out or delete it"
                 )
+        known = {f"knowledge.{k}": v for k, v in self.knowledge.arrays().items()}
+        stored = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
+        if known.keys() != stored.keys() or any((known[k] != stored[k]).any() for k in known):
+            raise CheckpointError(
+                f"found a run in {options.out} that knew something else of the objects than "
+                f"{options.knowledge}; give its own --knowledge, or choose another --out"
+            )
+
+    def _check_stage1(self, source: Path, head: dict[str, Any]) -> None:
+        """Stage one may come from a run whose stage one is this run's.
+
+        It may also have trained a predictor that this run does not need, so that methods are
+        compared from the same weights.
+
+        Raises:
+            CheckpointError: it is another stage one.
+        """
+        asked, found = asdict(self.options.run), head["config"]
+        there = METHODS[found["method"]]
+        same_rule = there.shared_encoder == self.method.shared_encoder and self.method.stage1 in (
+            there.stage1, replace(there.stage1, train_predictor=False)
+        )  # fmt: skip
+        different = [
+            key for key in asked
+            if key not in ("hyperparameters", "method") and asked[key] != found.get(key)
+        ] + ([] if same_rule else ["method"])  # fmt: skip
+        if different:
+            raise CheckpointError(
+                f"found {source} of a run with {different[0]} {found.get(different[0])!r}, whose "
+                f"stage one is not that of {asked[different[0]]!r}; leave out --stage1"
+            )
+        if head["episodes"] < self.hp.stage1_episodes:
+            raise CheckpointError(
+                f"found {source} after {head['episodes']} episodes, expected all "
+                f"{self.hp.stage1_episodes} of stage one; let that run go on first"
+            )
 
     def save(self, name: str) -> None:
         """Write everything the run needs to go on."""
@@ -152,13 +198,38 @@ class Run:
         results = run_episodes(networks, self.validation, self.frozen)
         return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
 
+    def not_finite(self) -> str:
+        """Why a gradient is no number, as a sentence."""
+        for scene in self.bank.scenes:
+            for key in ("features", "detections"):
+                for state in not_finite(getattr(scene, key)):
+                    return (
+                        f"found {key} of state {state} of {scene.name} in {self.options.scenes} "
+                        "that are no numbers; look at the scenes with cfnav data check, and make "
+                        "that one again"
+                    )
+        return (
+            f"found gradients that are no numbers after {self.episodes} episodes, though all that "
+            "is seen are; give a smaller --lr"
+        )
+
     def _forget_later_lines(self) -> None:
-        """Take lines out of the log that a killed run wrote after its last checkpoint."""
+        """Take lines out of the log that a killed run wrote after its last checkpoint.
+
+        Raises:
+            CheckpointError: the log is no such log.
+        """
         path = self.options.out / LOG
         if not path.exists():
             return
         lines = path.read_text().splitlines(keepends=True)
-        kept = [line for line in lines if json.loads(line)["episodes"] <= self.episodes]
+        whole = [line for line in lines if line.endswith("}\n")]  # a kill may tear the last
+        try:
+            kept = [line for line in whole if json.loads(line)["episodes"] <= self.episodes]
+        except (ValueError, KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"found no readable log at {path} ({error}); move it away to go on without it"
+            ) from error
         if kept != lines:
             partial = path.with_name(LOG + ".partial")
             partial.write_text("".join(kept))

@@ -118,7 +118,7 @@ def check_values(scene: OfflineScene, folder: Path, again: str, quick: bool = Fa
     """
     lines = []
     for key, row in (("features", "state"), ("detections", "state"), ("positions", "position")):
-        wrong = [] if quick else list(_not_finite(getattr(scene, key)))
+        wrong = [] if quick else list(not_finite(getattr(scene, key)))
         lines += counted([f"{row} {i} of {scene.name}; {again}" for i in wrong],
                          f"{row}s in {folder / key}.npy are not finite")  # fmt: skip
     stays = scene.next_state[:, Action.MoveAhead] == np.arange(scene.num_states)
@@ -144,8 +144,8 @@ def counted(examples: Collection[object], what: str) -> list[str]:
     return [f"{len(examples)} {what}, first {next(iter(examples))}"] if examples else []
 
 
-def _not_finite(array: np.ndarray) -> Iterator[int]:
-    """Rows with such numbers; a few rows in memory at a time."""
+def not_finite(array: np.ndarray) -> Iterator[int]:
+    """Rows that hold a NaN or an infinity; a few rows in memory at a time."""
     step = max(1, CHUNK_BYTES // max(1, array[:1].nbytes))
     for first in range(0, len(array), step):
         rows = array[first : first + step]

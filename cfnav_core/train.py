@@ -44,6 +44,9 @@ class Synchronous:
     def __init__(self, run: Run) -> None:
         self.run = run
         seed = run.options.run.seed
+        # dropout and coins: own ones on every rank, other ones after a resume
+        own = np.random.SeedSequence([seed, run.ranks.rank, run.episodes])
+        torch.manual_seed(int(own.generate_state(1)[0]))
         rng = np.random.default_rng([seed, run.episodes])
         self.generator = torch.Generator().manual_seed(seed * 7_919 + run.episodes)
         self.env = ObjectNavEnv(run.bank, run.ranks.part(run.hp.batch), rng)
@@ -74,7 +77,9 @@ class Synchronous:
         for optimizer in learned:
             parameters = optimizer.param_groups[0]["params"]
             ranks.average(parameters)
-            torch.nn.utils.clip_grad_norm_(parameters, hp.max_grad_norm)
+            norm = torch.nn.utils.clip_grad_norm_(parameters, hp.max_grad_norm)
+            if not norm.isfinite():
+                raise ValueError(run.not_finite())
             optimizer.step()
         run.episodes += int(summed[0])
         run.steps += hp.batch * hp.rollout_length
@@ -129,7 +134,7 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
     )
     saved = since = time.monotonic()
     sums: dict[str, float] = {}
-    next_validation = run.episodes + options.validation_every
+    next_validation = _next(run.episodes, options.validation_every)
     # all ranks stop in the same round
     while run.episodes < run.total and not run.ranks.total(len(told))[0]:
         in_stage1 = run.episodes < run.hp.stage1_episodes
@@ -143,8 +148,14 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
         if in_stage1 and run.episodes >= run.hp.stage1_episodes:
             run.save(STAGE1)
         if run.episodes >= next_validation or run.episodes >= run.total:
-            next_validation += options.validation_every
-            _validate_and_log(run, sums, since, bar)
+            next_validation = _next(run.episodes, options.validation_every)
+            figures = _validate_and_log(run, sums, since, bar)
+            # of stage two only: before it, what validation feeds has taught nobody
+            if figures["validation_cf_sr"] > run.best and not (
+                in_stage1 and run.hp.stage2_episodes
+            ):
+                run.best = figures["validation_cf_sr"]
+                run.save(BEST)
             sums, since = {}, time.monotonic()
         # also after every validation, so that best, log and checkpoint agree
         if not sums or time.monotonic() - saved > options.checkpoint_s:
@@ -155,17 +166,33 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
     bar.close()
 
 
+def _next(episodes: int, every: int) -> int:
+    """The next multiple, so that a resumed run validates where it would have."""
+    return (episodes // every + 1) * every
+
+
 def peak_memory_mb() -> float:
-    """Largest resident memory of this process so far; pages of mapped files in use count too."""
+    """Largest resident memory of this process so far, read pages of mapped files included."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def _validate_and_log(run: Run, sums: dict[str, float], since: float, bar: tqdm) -> None:
+def own_memory_mb() -> float:
+    """Resident memory of this process that no file backs; nan where the system does not tell."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    found = [int(line.split()[1]) / 1024 for line in lines if line.startswith("RssAnon")]
+    return found[0] if found else float("nan")
+
+
+def _validate_and_log(
+    run: Run, sums: dict[str, float], since: float, bar: tqdm
+) -> dict[str, float]:
     ended, updates = max(1.0, sums["ended"]), max(1.0, sums["updates"])
     now = time.monotonic()
     figures = {
         "episodes": run.episodes, "steps": run.steps,
-        "steps_per_s": sums["steps"] / (now - since), "peak_memory_mb": peak_memory_mb(),
+        "steps_per_s": sums["steps"] / (now - since),
+        "memory_mb": own_memory_mb(), "peak_memory_mb": peak_memory_mb(),
         "sr": sums["successes"] / ended, "cf_sr": sums["collision_free"] / ended,
         "collisions_per_episode": sums["collisions"] / ended, "length": sums["steps"] / ended,
         **{k: v / updates for k, v in sums.items() if k.endswith("loss") or k == "entropy"},
@@ -173,10 +200,8 @@ def _validate_and_log(run: Run, sums: dict[str, float], since: float, bar: tqdm)
     }  # fmt: skip
     run.log(figures)
     bar.set_postfix_str(
-        f"{figures['steps_per_s']:,.0f} steps/s, {figures['peak_memory_mb']:,.0f} MB | "
+        f"{figures['steps_per_s']:,.0f} steps/s, {figures['memory_mb']:,.0f} MB | "
         f"SR {figures['sr']:.2f} CF-SR {figures['cf_sr']:.2f} | validation "
         f"SR {figures['validation_sr']:.2f} CF-SR {figures['validation_cf_sr']:.2f}"
     )
-    if run.episodes > run.hp.stage1_episodes and figures["validation_cf_sr"] > run.best:
-        run.best = figures["validation_cf_sr"]
-        run.save(BEST)
+    return figures

@@ -128,7 +128,12 @@ class Copy:
 
     def update(self) -> None:
         """Asynchronous update of theta."""
-        nn.utils.clip_grad_norm_([self.shared], self.max_norm)
+        norm = nn.utils.clip_grad_norm_([self.shared], self.max_norm)
+        if not norm.isfinite():
+            raise ValueError(
+                "found a gradient that is no number; look at the scenes with cfnav data check, or "
+                "give a smaller --lr"
+            )
         self.optimizer.step()
 
 

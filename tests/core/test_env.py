@@ -1,3 +1,9 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -91,8 +97,6 @@ def test_same_seed_same_rollout(bank):
 
 
 def test_scenes_of_two_perceptions_do_not_mix():
-    from dataclasses import replace
-
     with pytest.raises(SceneError, match="2 kinds"):
         SceneBank([hall(), replace(hall(), perception="other")])
 
@@ -100,3 +104,35 @@ def test_scenes_of_two_perceptions_do_not_mix():
 def test_a_scene_without_a_goal_that_can_be_reached_is_named():
     with pytest.raises(SceneError, match="no goal that can be reached in kitchen:1, so"):
         SceneBank([hall(name="kitchen:0"), hall(name="kitchen:1", goals={})])
+
+
+MAPPED = """
+import sys
+from pathlib import Path
+import torch
+from cfnav_core import env
+from cfnav_core.train import own_memory_mb, peak_memory_mb
+env.IN_MEMORY_BYTES = int(sys.argv[2])
+bank = env.SceneBank.load(Path(sys.argv[1]))
+before, peak = own_memory_mb(), peak_memory_mb()
+for first in range(0, len(bank.scene), 8):
+    features, _ = bank.observe(torch.arange(first, min(first + 8, len(bank.scene))))
+print(own_memory_mb() - before, peak)
+"""
+
+
+def test_large_features_stay_on_disk_and_small_ones_are_joined_once(tmp_path):
+    """8 states in use cost little; joining costs the features once, never twice."""
+    scene = hall(12, 6)
+    wide = np.random.default_rng(0).random((scene.num_states, 64, 28, 28)).astype(np.float16)
+    replace(scene, features=wide).save(tmp_path / "kitchen_00000")
+    megabytes, peaks = wide.nbytes / 2**20, {}
+    for limit in (0, 2**40):
+        done = subprocess.run(
+            [sys.executable, "-c", MAPPED, str(tmp_path), str(limit)],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        grown, peaks[limit] = map(float, done.stdout.split())
+        assert grown < 0.35 * megabytes
+    # mapped pages that were read count too
+    assert peaks[2**40] - peaks[0] < 2.4 * megabytes

@@ -11,8 +11,10 @@ import pytest
 import torch
 
 from cfnav_core.checkpoint import load_tensors
+from cfnav_core.config import TrainOptions
 from cfnav_core.ranks import Ranks
-from cfnav_core.run import CHECKPOINT
+from cfnav_core.run import CHECKPOINT, Run
+from cfnav_core.train import Synchronous
 
 from .worlds import hall
 
@@ -76,6 +78,16 @@ def test_ranks_that_are_told_to_stop_write_a_checkpoint(scenes, tmp_path):
     _, head = load_tensors(tmp_path / "run" / CHECKPOINT)
     assert said == [str(head["episodes"])] * 2
     assert process.returncode != 0
+
+
+def test_every_rank_has_its_own_dropout(scenes, tmp_path, monkeypatch):
+    seeds = []
+    for rank in range(2):
+        monkeypatch.setattr(Ranks, "join", classmethod(lambda cls, rank=rank: cls(rank, 2)))
+        run = Run(TrainOptions(scenes, ("kitchen:0",), ("kitchen:1",), tmp_path / "run"))
+        Synchronous(run)
+        seeds.append(torch.initial_seed())
+    assert seeds[0] != seeds[1]
 
 
 def test_episodes_that_cannot_be_shared_are_refused():

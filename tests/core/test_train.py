@@ -7,10 +7,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
 import pytest
+from safetensors.numpy import save_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from cfnav_core.checkpoint import CheckpointError, load_tensors
+from cfnav_core.checkpoint import CheckpointError, load_tensors, save_tensors
 from cfnav_core.config import (
     Hyperparameters,
     MethodName,
@@ -24,7 +26,7 @@ from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, run_episodes
 from cfnav_core.methods import METHODS
 from cfnav_core.metrics import cf_sr
-from cfnav_core.models import MODELS
+from cfnav_core.models import MODELS, Knowledge
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.reward import REWARDS
 from cfnav_core.run import BEST, CHECKPOINT, LOG, STAGE1, Run
@@ -101,6 +103,123 @@ def test_a_run_goes_on_only_as_what_it_was(scenes):
     other = Run(replace(chosen, run=replace(chosen.run, method="plain")))
     with pytest.raises(CheckpointError, match="found a run with method 'ours'"):
         other.resume()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"train_rooms": ("kitchen:0", "kitchen:2")}, "found a run with train_rooms"),
+        ({"validation_rooms": ("kitchen:2",)}, "found a run with validation_rooms"),
+    ],
+)
+def test_a_run_keeps_its_rooms(scenes, change, sentence):
+    hall(4, 3, seed=2, name="kitchen:2").save(scenes / "kitchen_00002")
+    chosen = options(scenes, "ours", 40, 40)
+    train(chosen)
+    with pytest.raises(CheckpointError, match=sentence):
+        Run(replace(chosen, **change)).resume()
+
+
+def test_a_run_keeps_what_it_knew(scenes):
+    chosen = options(scenes, "plain", 40, 40)
+    run = Run(chosen)
+    run.save(CHECKPOINT)
+    run.resume()
+    run.knowledge = Knowledge(layout=np.ones((4, 38, 38), np.float32))
+    with pytest.raises(CheckpointError, match="knew something else"):
+        run.resume()
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "sentence"),
+    [
+        ("ours", "plain", None), ("ours", "stage_only", None), ("ours", "ours", None),
+        ("plain", "ours", "method 'plain'"), ("reward", "stage_only", "method 'reward'"),
+        ("wu", "plain", "method 'wu'"), ("cp_only", "ours", "method 'cp_only'"),
+    ],
+)  # fmt: skip
+def test_stage_one_comes_from_a_run_with_the_same_stage_one(scenes, source, target, sentence):
+    first = options(scenes, source, 0, 10)
+    if source == "wu":
+        first = replace(first, run=replace(first.run, model="baseline_label"))
+    Run(first).save(STAGE1)
+    other = options(scenes, target, 0, 20, stage1=first.out / STAGE1)
+    other = replace(other, run=replace(other.run, model=first.run.model),
+                    out=scenes.parent / "other")  # fmt: skip
+    if sentence is None:
+        Run(other).resume()
+    else:
+        with pytest.raises(CheckpointError, match=sentence):
+            Run(other).resume()
+
+
+def test_stage_one_must_be_whole_and_of_the_same_seed(scenes):
+    first = options(scenes, "ours", 100, 10)
+    Run(first).save(STAGE1)
+    other = options(scenes, "plain", 100, 10, stage1=first.out / STAGE1)
+    with pytest.raises(CheckpointError, match="after 0 episodes, expected all 100"):
+        Run(other).resume()
+    with pytest.raises(CheckpointError, match="with seed 0"):
+        Run(replace(other, run=replace(other.run, seed=7))).resume()
+
+
+def test_what_is_no_number_ends_the_run_with_its_place(scenes):
+    features = np.load(scenes / "kitchen_00000" / "features.npy")
+    features[5, 3] = np.nan
+    np.save(scenes / "kitchen_00000" / "features.npy", features)
+    chosen = options(scenes, "ours", 400, 40)
+    with pytest.raises(ValueError, match="found features of state 5 of kitchen:0 in"):
+        train(chosen)
+    assert not (chosen.out / CHECKPOINT).exists()
+
+
+def test_files_that_are_no_checkpoints_of_a_run(tmp_path):
+    save_tensors(tmp_path / "other", {}, {}, "supervised")
+    with pytest.raises(CheckpointError, match="of kind 'supervised' and schema 1"):
+        load_tensors(tmp_path / "other")
+    save_file({}, tmp_path / "old", {"head": "{}"})
+    with pytest.raises(CheckpointError, match="no readable checkpoint"):
+        load_tensors(tmp_path / "old")
+    save_tensors(tmp_path / "new", {}, {"schema": 9})
+    with pytest.raises(CheckpointError, match="schema 9"):
+        load_tensors(tmp_path / "new")
+
+
+def test_a_torn_line_of_the_log_is_forgotten(scenes):
+    chosen = options(scenes, "plain", 40, 40)
+    train(chosen)
+    whole = (chosen.out / LOG).read_text()
+    (chosen.out / LOG).write_text(whole + '{"episodes": 3, "sr": 0.')
+    Run(chosen).resume()
+    assert (chosen.out / LOG).read_text() == whole
+    (chosen.out / LOG).write_text("{a}\n")
+    with pytest.raises(CheckpointError, match="move it away"):
+        Run(chosen).resume()
+
+
+def test_the_best_checkpoint_is_of_stage_two(scenes):
+    """A validation at the border, after the round that ends stage one, chooses nothing."""
+    chosen = options(scenes, "ours", 40, 400)
+    train(replace(chosen, validation_every=40))
+    _, best = load_tensors(chosen.out / BEST)
+    _, stage1 = load_tensors(chosen.out / STAGE1)
+    assert best["episodes"] > stage1["episodes"]
+    assert {row["episodes"] // 40 for row in map(json.loads, (chosen.out / LOG).open())} >= {1, 2}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("batch", 0), ("rollout_length", 0), ("validation_episodes", 0)]
+)
+def test_numbers_that_make_no_sense(scenes, name, value):
+    chosen = options(scenes, "ours", 40, 40)
+    hp = chosen.run.hyperparameters
+    if name == "validation_episodes":
+        wrong = replace(chosen, validation_episodes=value)
+    else:
+        run = replace(chosen.run, hyperparameters=replace(hp, **{name: value}))
+        wrong = replace(chosen, run=run)
+    with pytest.raises(ValueError, match=f"found --{name.replace('_', '-')} 0, expected"):
+        Run(wrong)
 
 
 def test_validation_feeds_what_the_stage_feeds(scenes):
