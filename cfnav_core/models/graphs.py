@@ -5,9 +5,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-UPDATE_RATE = 0.005
-"""Share of what is seen in an updated zone; a constant of the published code."""
-
 
 def normalised(adjacency: Tensor) -> Tensor:
     """D^-1/2 A^T D^-1/2 with D from the row sums of A; rows without an edge give zeros.
@@ -79,19 +76,20 @@ def nearest_zone(detected: Tensor, nodes: Tensor) -> Tensor:
     return (detected[:, None] - nodes + 1e-6).norm(dim=2).argmin(1)
 
 
-def zone_change(detected: Tensor, nodes: Tensor, zone: Tensor) -> Tensor:
-    """How the present zone's node moves towards what is seen, 0.005 of the way.
+def zone_change(detected: Tensor, nodes: Tensor, zone: Tensor, rate: Tensor) -> Tensor:
+    """How the present zone's node moves towards what is seen.
 
     Args:
         detected: float32 [B, C], 0 or 1.
         nodes: float32 [B, Z, C].
         zone: int64 [B].
+        rate: float32 [], share of the way.
 
     Returns:
         Float32 [B, Z, C], zero for the other zones.
     """
     here = torch.nn.functional.one_hot(zone, nodes.shape[1])[:, :, None]
-    return UPDATE_RATE * here * (detected[:, None] - nodes)
+    return rate * here * (detected[:, None] - nodes)
 
 
 def lookup(table: Tensor, *index: Tensor) -> Tensor:

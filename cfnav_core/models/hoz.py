@@ -1,9 +1,8 @@
 """HOZ: object relations and a graph of zones with a sub-goal.
 
 Source: Zhang, Song, Bai, Li, Chu, Jiang, Hierarchical Object-to-Zone Graph for Object Navigation
-(2021). Three departures from its public code: shortest ways are clean (``graphs.first_hops``), the
-nodes' update is state of an episode and advances once a step, and the scalar 0.005, declared as
-trainable but never trained, is a constant: one parameter less than published.
+(2021). Two departures from its public code: shortest ways are clean (``graphs.first_hops``), and
+the nodes' update is state of an episode and advances once a step.
 """
 
 from __future__ import annotations
@@ -28,6 +27,8 @@ from cfnav_core.models.relation import RelationEncoder
 from cfnav_core.vocabulary import ROOM_TYPES
 
 ROOMS = len(ROOM_TYPES)
+UPDATE_RATE = 0.005
+"""Share of what is seen in an updated zone."""
 
 
 class RoomClassifier(nn.Module):
@@ -86,6 +87,8 @@ class HOZ(NavModel):
         self.relation = RelationEncoder(objects, appearance, info, 1, side, mixes=4)
         self.room = RoomClassifier(objects, info, k, side)
         self.zone = nn.Linear(objects, objects, bias=False)
+        # declared as trainable and read without its gradient, as published, so that it stays
+        self.update_rate = nn.Parameter(torch.tensor(UPDATE_RATE))
         self.action = ActionEmbedding()
         parts = (k, objects, self.action.width, ROOMS, objects)
         self.fusion = Fusion(parts, k, side, size.dropout)
@@ -121,7 +124,7 @@ class HOZ(NavModel):
         in_room = one_hot(room, ROOMS)[:, :, None, None]
         nodes = self.zones[room] + (moved * in_room).sum(1)
         here = nearest_zone(rows.detected, nodes)
-        change = zone_change(rows.detected, nodes, here)
+        change = zone_change(rows.detected, nodes, here, self.update_rate.detach())
         nodes = nodes + change
         hop = lookup(self.hops, room, here, goal_zone(nodes, goal))
         neighbours = lookup(self.adjacency, room, hop)

@@ -101,7 +101,7 @@ def test_zones():
     detected = t([0, 1, 0], [0, 0, 0])
     here = nearest_zone(detected, nodes)
     assert here.tolist() == [1, 0]
-    change = zone_change(detected, nodes, here)
+    change = zone_change(detected, nodes, here, torch.tensor(0.005))
     expected = t([[0, 0, 0], [0, 0, -0.005]], [[0, 0, -0.002], [0, 0, 0]])
     torch.testing.assert_close(change, expected)
     assert goal_zone(nodes, t([1, 0, 0], [0, 0, 1])).tolist() == [0, 1]
