@@ -126,8 +126,9 @@ class ObjectNav(gymnasium.Env[Any, Any]):
 class ObjectNavVector(VectorEnv[Any, Any, Any]):
     """Many episodes at once, each begun again in the step in which it ends.
 
-    Gymnasium's same-step mode: the observation is that of the new episode; the last one of the old
-    episode and its infos stand under ``final_obs`` and ``final_info``.
+    Gymnasium's same-step mode: observation and infos are those of the new episode; the last ones of
+    the old episode stand under ``final_obs`` and ``final_info``. A mask ``_name`` beside each info
+    says which episodes have it.
 
     Args:
         scenes: see ``ObjectNav``. rooms: see there. collision_penalty: see there.
@@ -152,7 +153,7 @@ class ObjectNavVector(VectorEnv[Any, Any, Any]):
         """Begin B episodes; a seed makes all that follow repeatable."""
         super().reset(seed=seed)
         self._episodes.begin(self.np_random)
-        return self._episodes.observation(), self._episodes.info()
+        return self._episodes.observation(), self._masked(self._episodes.info())
 
     def step(
         self, actions: np.ndarray
@@ -161,16 +162,23 @@ class ObjectNavVector(VectorEnv[Any, Any, Any]):
         reward, terminated, truncated, info = self._episodes.act(actions)
         ended = terminated | truncated
         if ended.any():
-            last, masks = self._episodes.observation(), {f"_{k}": ended for k in info}
+            last, last_info = self._episodes.observation(), self._masked(info, ended)
             final = np.full(self.num_envs, None, dtype=object)
             for i in np.nonzero(ended)[0]:
                 final[i] = {k: v[i] for k, v in last.items()}
             self._episodes.restart(ended)
-            info = self._episodes.info() | {
-                "final_obs": final, "_final_obs": ended, "final_info": info | masks,
-                "_final_info": ended,
-            }  # fmt: skip
+            begun = self._episodes.info()
+            info = {k: np.where(ended, begun[k], v) for k, v in info.items()}
+            finals = {"final_obs": final, "final_info": last_info}
+            info = self._masked(info) | self._masked(finals, ended)
+        else:
+            info = self._masked(info)
         return self._episodes.observation(), reward, terminated, truncated, info
+
+    def _masked(self, info: dict[str, Any], mask: np.ndarray | None = None) -> dict[str, Any]:
+        """Infos with their masks; every episode has them when there is no mask."""
+        has = np.ones(self.num_envs, bool) if mask is None else mask
+        return info | {f"_{k}": has for k in info}
 
 
 def _first(rows: dict[str, np.ndarray]) -> dict[str, Any]:

@@ -4,6 +4,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import (
+    ClipReward,
+    DictInfoToList,
+    FlattenObservation,
+    RecordEpisodeStatistics,
+)
 
 from cfnav_core.actions import Action
 from cfnav_core.env import SceneBank
@@ -91,3 +98,87 @@ def test_a_seed_repeats_everything(scenes):
 
     np.testing.assert_array_equal(run(4), run(4))
     assert (run(4) != run(5)).any()
+
+
+def test_an_end_takes_no_info_from_the_episodes_that_go_on(scenes):
+    env = gymnasium.make_vec(NAME, num_envs=3, scenes=scenes)
+    env.reset(seed=1)
+    inner = env._episodes.env
+    inner.state[0] = int(np.nonzero(inner.bank.collided)[0][0])
+    for collisions in (1, 2):
+        info = env.step(np.array([Action.MoveAhead, Action.Done, Action.RotateLeft]))[4]
+        assert info["collided"].tolist() == [True, False, False]
+        assert info["collisions"].tolist() == [collisions, 0, 0]
+        assert info["_final_info"].tolist() == [False, True, False]
+
+
+def test_a_vector_does_what_gymnasium_does_with_single_ones(scenes):
+    """Gymnasium has no checker for vectors; its own vector of single environments stands in.
+
+    Starts are drawn in another order, so those of the vector are handed to the single ones.
+    """
+    n, rng = 4, np.random.default_rng(0)
+    ours = gymnasium.make_vec(NAME, num_envs=n, scenes=scenes, collision_penalty=-0.5)
+    theirs = SyncVectorEnv(
+        [lambda: gymnasium.make(NAME, scenes=scenes, collision_penalty=-0.5)] * n,
+        autoreset_mode=AutoresetMode.SAME_STEP,
+    )
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"]
+
+    def hand_over(which):
+        for i in np.nonzero(which)[0]:
+            one, all_of_them = theirs.envs[i].unwrapped._episodes, ours._episodes.env
+            one.env.state[0], one.env.goal[0] = all_of_them.state[i], all_of_them.goal[i]
+            one.shortest = one._fewest()
+
+    _, first = ours.reset(seed=2)
+    assert first.keys() == theirs.reset(seed=2)[1].keys()
+    hand_over(np.ones(n, bool))
+    ends = truncations = collided_beside_an_end = 0
+    for t in range(250):
+        # one episode in four never says Done
+        actions = rng.integers([5, 6, 6, 6], size=n) if t % 3 else np.zeros(n, np.int64)
+        (seen, *outcome, info), (seen2, *outcome2, info2) = ours.step(actions), theirs.step(actions)
+        for a, b in zip(outcome, outcome2, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-6)
+        ended = outcome[1] | outcome[2]
+        for key in seen:
+            np.testing.assert_array_equal(seen[key][~ended], seen2[key][~ended])
+        assert info.keys() == info2.keys()
+        for key in ("collided", "success", "collisions", "shortest"):
+            np.testing.assert_array_equal(info[key][~ended], info2[key][~ended])
+            assert info[f"_{key}"].all()
+            assert info2[f"_{key}"].all()
+            if ended.any():
+                last, last2 = info["final_info"], info2["final_info"]
+                np.testing.assert_array_equal(last[key][ended], last2[key][ended])
+                np.testing.assert_array_equal(last[f"_{key}"], last2[f"_{key}"])
+        for i in np.nonzero(ended)[0]:
+            for key, value in info["final_obs"][i].items():
+                np.testing.assert_array_equal(value, info2["final_obs"][i][key])
+        ends, truncations = ends + ended.sum(), truncations + outcome[2].sum()
+        collided_beside_an_end += ended.any() and info["collided"].any()
+        hand_over(ended)
+    assert ends > 20
+    assert truncations > 0
+    assert collided_beside_an_end > 0
+
+
+def test_gymnasiums_vector_wrappers(scenes):
+    env = gymnasium.make_vec(NAME, num_envs=3, scenes=scenes)
+    # those of observations refuse every vector that begins again in the same step
+    with pytest.raises(ValueError, match="Expected autoreset_mode to be NEXT_STEP or DISABLED"):
+        FlattenObservation(env)
+    env = DictInfoToList(ClipReward(RecordEpisodeStatistics(env), 0.0, 1.0))
+    _, infos = env.reset(seed=0)
+    assert [set(info) for info in infos] == 3 * [{"collided", "success", "collisions", "shortest"}]
+    env.step(np.full(3, int(Action.RotateLeft)))
+    actions = np.array([Action.Done, Action.RotateLeft, Action.RotateLeft])
+    _, reward, *_, infos = env.step(actions)
+    assert (reward[1:] == 0).all()
+    assert [("final_info" in info, "episode" in info) for info in infos] == [
+        (True, True), (False, False), (False, False),
+    ]  # fmt: skip
+    assert infos[0]["episode"]["l"] == 2
