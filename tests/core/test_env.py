@@ -64,10 +64,12 @@ def test_done_succeeds_only_with_the_goal_in_view(bank):
     seen = np.nonzero(bank.visible[:, CATEGORY_ID["Laptop"]])[0]
     env.goal = torch.full((env.batch,), CATEGORY_ID["Laptop"])
     env.state[0] = int(seen[0])
+    visible = bank.visible[env.state.numpy(), env.goal.numpy()]
     result = env.step(torch.full((env.batch,), int(Action.Done)))
     assert result.terminated.all()
-    assert result.success[0]
-    assert not result.success[1:].any() or bank.visible[env.state.numpy(), env.goal.numpy()].any()
+    assert visible[0]
+    assert not visible.all()
+    assert result.success.tolist() == visible.tolist()
 
 
 def test_step_limit_truncates_and_restart_forgets(bank):
