@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from cfnav_core.perception import INPUT_SIZE
 from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.whole import whole, writing
 
 HEAT, COARSE = 19, 10
 """Cells per side of the category map and of the depth and floor maps."""
@@ -38,15 +38,16 @@ class PictureSet:
     visible: np.ndarray
 
     def save(self, folder: Path) -> None:
-        """Write the set; ``folder`` appears only when complete."""
-        partial = folder.with_name(folder.name + ".partial")
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
-        for key in FIELDS:
-            np.save(partial / f"{key}.npy", getattr(self, key))
-        (partial / "set.json").write_text(json.dumps({"categories": CATEGORIES}))
-        shutil.rmtree(folder, ignore_errors=True)
-        partial.replace(folder)
+        """Write the set; ``folder`` appears only when complete.
+
+        Raises:
+            WriteError: the disk is full or refuses; what was there before stays whole.
+        """
+        with writing(folder), whole(folder) as partial:
+            partial.mkdir(parents=True)
+            for key in FIELDS:
+                np.save(partial / f"{key}.npy", getattr(self, key))
+            (partial / "set.json").write_text(json.dumps({"categories": CATEGORIES}))
 
     @classmethod
     def load(cls, folder: Path) -> PictureSet:

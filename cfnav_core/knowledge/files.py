@@ -13,6 +13,7 @@ from safetensors.numpy import save
 
 from cfnav_core.models.base import Knowledge
 from cfnav_core.vocabulary import ROOM_TYPES
+from cfnav_core.whole import write_file
 
 SCHEMA = 1
 AGAIN = "make it from these scenes with cfnav data knowledge"
@@ -51,14 +52,12 @@ def save_knowledge(path: Path, knowledge: Knowledge, head: KnowledgeHead) -> Non
 
     Raises:
         KnowledgeError: a table does not fit the objects.
+        WriteError: the disk is full or refuses; what was there before stays whole.
     """
     tables = {k: np.ascontiguousarray(v, np.float32) for k, v in knowledge.arrays().items()}
     _check(tables, len(head.objects), path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
     text = json.dumps({"schema": SCHEMA, **asdict(head)})
-    partial.write_bytes(save(tables, {"head": text}))
-    partial.replace(path)
+    write_file(path, save(tables, {"head": text}))
 
 
 def load_knowledge(path: Path, objects: tuple[str, ...], perception: str) -> Knowledge:

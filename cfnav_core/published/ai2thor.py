@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,11 +21,16 @@ from cfnav_core.actions import STEP_M, Action
 from cfnav_core.published.graph import MOVES
 from cfnav_core.published.keys import LOOK_DEG, TURN_DEG, Key
 from cfnav_core.published.layouts import room_of
+from cfnav_core.published.state_file import StateWriter
 from cfnav_core.visibility import VISIBLE_DISTANCE_M
+from cfnav_core.whole import whole, writing
 
 PICTURE_SIDE = 300
 FIELD_OF_VIEW_DEG = 100
 """Of the published environment."""
+
+IMAGES = "images.hdf5"
+"""Pictures of all states, uint8 [300, 300, 3] each."""
 
 ON_GRID_M = 0.02
 """Farthest from a point of the grid that a position still is that point."""
@@ -102,19 +106,18 @@ def export_scene(controller: Controller, name: str, out: Path) -> int:
 
     Raises:
         ValueError: the scene is none of the published ones, or the simulator gives no positions.
+        WriteError: the disk is full or refuses; nothing of the scene is left there.
     """
-    import h5py  # belongs to training: a robot has none
-
     room_of(name)
-    partial = out / f"{name}.partial"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
     visits = Visits(grid=_positions(controller, name))
-    with h5py.File(partial / "images.hdf5", "w") as images:
-        for key, event in _visit(controller, visits):
-            images.create_dataset(str(key), data=np.asarray(event.frame, np.uint8))
-    _write(partial, visits)
-    partial.replace(out / name)
+    with whole(out / name) as folder:
+        with writing(folder):
+            folder.mkdir(parents=True)
+        with StateWriter(folder / IMAGES) as images:
+            for key, event in _visit(controller, visits):
+                images.add(key, np.asarray(event.frame, np.uint8))
+        with writing(folder):
+            _write(folder, visits)
     return len(visits.states)
 
 

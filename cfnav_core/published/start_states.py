@@ -23,6 +23,7 @@ import numpy as np
 from cfnav_core.published.keys import Key
 from cfnav_core.published.layouts import SUFFIX, room_of
 from cfnav_core.scene import SceneError
+from cfnav_core.whole import write_file
 
 SCHEMA = 1
 
@@ -140,17 +141,18 @@ def identity(episodes: Sequence[StartState]) -> str:
 
 
 def write_episodes(path: Path, episodes: Sequence[StartState], made_from: Sequence[Path]) -> None:
-    """Write frozen episodes, one a line; the file appears only when complete."""
+    """Write frozen episodes, one a line; the file appears only when complete.
+
+    Raises:
+        WriteError: the disk is full or refuses; what was there before stays whole.
+    """
     head = {
         "schema": SCHEMA, "sha256": identity(episodes),
         "made_from": {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in made_from},
     }  # fmt: skip
     lines = ",\n  ".join(json.dumps(asdict(e)) for e in episodes)
     text = json.dumps(head, indent=1)[:-2] + f',\n "episodes": [\n  {lines}\n ]\n}}\n'
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text)
-    partial.replace(path)
+    write_file(path, text)
 
 
 def read_episodes(path: Path) -> list[StartState]:

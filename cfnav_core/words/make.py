@@ -19,6 +19,7 @@ from safetensors.numpy import save
 
 from cfnav_core.published.layouts import DATA2_OBJECTS, DETECTOR_OBJECTS, SAVN_OBJECTS
 from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.whole import write_file
 from cfnav_core.words import TABLE, plain
 
 VOCABULARY = (*CATEGORIES, *DATA2_OBJECTS, *DETECTOR_OBJECTS, *SAVN_OBJECTS)
@@ -60,9 +61,7 @@ def run(options: Options) -> None:
     names = sorted({plain(name) for name in (*VOCABULARY, *options.add)})
     made, encoder = encode(names)
     head = {"encoder": encoder, "licence": "Apache-2.0", "names": names}
-    partial = options.out.with_name(options.out.name + ".partial")
-    partial.write_bytes(save({"vectors": made.astype(np.float16)}, {"head": json.dumps(head)}))
-    partial.replace(options.out)
+    write_file(options.out, save({"vectors": made.astype(np.float16)}, {"head": json.dumps(head)}))
     print(f"wrote {options.out}: {len(names)} names by {encoder}")
 
 

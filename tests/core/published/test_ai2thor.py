@@ -14,6 +14,8 @@ from cfnav_core.published import ai2thor
 from cfnav_core.published.keys import state_of
 from cfnav_core.published.layouts import LAYOUTS, scene_folders
 from cfnav_core.published.reader import Choice, read_room
+from cfnav_core.whole import WriteError
+from tests.core.disks import AGAIN, full_disk
 
 POSITIONS = [(0.0, 0.0), (0.25, 0.0), (0.25, 0.25), (0.0, 0.25)]
 MUG, SOFA = "Mug|+01.00|+00.90|+00.00", "Sofa|-02.00|+00.50|+00.00"
@@ -130,6 +132,25 @@ def test_another_grid_and_another_room_are_refused(tmp_path):
     with pytest.raises(ValueError, match="found scene 'FloorPlan77'"):
         ai2thor.export_scene(Scripted(), "FloorPlan77", tmp_path)
     assert not (tmp_path / "FloorPlan1").exists()
+
+
+@pytest.mark.parametrize("most", [1000, 5000, 20_000])
+def test_a_full_disk_leaves_nothing_of_the_scene(tmp_path, most):
+    """Pictures, and then the larger of the other files, do not fit."""
+    with full_disk(most), pytest.raises(WriteError, match=AGAIN):
+        ai2thor.export_scene(Scripted(), "FloorPlan1", tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_the_simulator_says_is_no_full_disk(tmp_path):
+    def times_out(**_):
+        raise TimeoutError("no answer from the simulator")
+
+    controller = Scripted()
+    controller.MoveAhead = times_out
+    with pytest.raises(TimeoutError, match=r"^no answer from the simulator$"):
+        ai2thor.export_scene(controller, "FloorPlan1", tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_the_package_there_is_one_sentence(monkeypatch):
