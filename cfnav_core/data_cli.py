@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import tyro
 from tqdm import tqdm
@@ -32,7 +32,7 @@ from cfnav_core.published.layouts import (
 from cfnav_core.published.reader import Choice, read_room
 from cfnav_core.published.workers import in_order
 from cfnav_core.rooms import SPLITS, room_folder, rooms_in, split_of
-from cfnav_core.scene import OfflineScene
+from cfnav_core.scene import OfflineScene, SceneError
 from cfnav_core.scene_check import check_alike, check_rooms, check_store
 from cfnav_core.store import HEAD, StoreHead
 
@@ -68,7 +68,10 @@ def open_root(folder: Path, name: LayoutName | None) -> tuple[Path, Layout]:
 
 @dataclass(frozen=True)
 class InfoData:
-    """List the scenes of a data set: published, converted or built-in."""
+    """List the scenes of a data set: published, converted or built-in.
+
+    A scene that cannot be read has a row that says why; exit code 1 when there is one.
+    """
 
     folder: Annotated[Path, tyro.conf.Positional]
     """A published data set, a store, or a folder of built-in scenes."""
@@ -79,7 +82,8 @@ class InfoData:
         """Print the table."""
         if (self.folder / HEAD).exists():
             head = StoreHead.load(self.folder)
-            title, rows = f"store of {head.made_from}", list(_stored(head))
+            title = f"store of {head.made_from}"
+            rows: list[Row | Damaged] = list(_stored(head))
         elif rooms_in(self.folder):
             title, rows = "built-in scenes", list(_built_in(self.folder))
         else:
@@ -87,9 +91,22 @@ class InfoData:
             title, rows = f"published {layout.name}", list(_published(root, layout))
         print(f"{self.folder}: {title}")
         print(table(rows))
+        if any(isinstance(row, Damaged) for row in rows):
+            sys.exit(1)
 
 
 Row = tuple[str, str, str, int, int, int]
+
+
+class Damaged(NamedTuple):
+    """In place of the row of a scene that cannot be read."""
+
+    name: str
+    room_type: str
+    split: str
+    why: str
+
+
 COLUMNS = ("scene", "room type", "split", "positions", "states", "targets")
 
 
@@ -98,16 +115,23 @@ def _stored(head: StoreHead) -> Iterator[Row]:
         yield s.name, s.room_type, s.split, s.positions, s.states, len(s.goals)
 
 
-def _built_in(folder: Path) -> Iterator[Row]:
+def _built_in(folder: Path) -> Iterator[Row | Damaged]:
     for kind, seed in rooms_in(folder):
-        splits = (f"{name}:{split}" for name in SPLITS if (split := split_of(name, seed)))
-        yield _row(OfflineScene.load(room_folder(folder, kind, seed)), " ".join(splits) or "-")
+        found = (f"{name}:{split}" for name in SPLITS if (split := split_of(name, seed)))
+        splits = " ".join(found) or "-"
+        try:
+            yield _row(OfflineScene.load(room_folder(folder, kind, seed)), splits)
+        except SceneError as error:
+            yield Damaged(f"{kind}:{seed}", kind, splits, str(error))
 
 
-def _published(root: Path, layout: Layout) -> Iterator[Row]:
+def _published(root: Path, layout: Layout) -> Iterator[Row | Damaged]:
     choice = Choice(layout, objects_of(layout, root), drop_bad=True)
     for folder in tqdm(scene_folders(root, layout), unit="scene", leave=False):
-        yield _row(read_room(folder, choice)[1], folder.split)
+        try:
+            yield _row(read_room(folder, choice)[1], folder.split)
+        except SceneError as error:
+            yield Damaged(folder.name, folder.room_type, folder.split, str(error))
 
 
 def _row(scene: OfflineScene, split: str) -> Row:
@@ -115,15 +139,17 @@ def _row(scene: OfflineScene, split: str) -> Row:
     return scene.name, scene.room_type, split, positions, scene.num_states, len(scene.goals)
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Aligned columns with a last line of sums."""
-    sums = sum(row[3] for row in rows), sum(row[4] for row in rows)
+def table(rows: Sequence[Row | Damaged]) -> str:
+    """Aligned columns with a last line of sums; sentences stand behind all columns."""
+    whole = [row for row in rows if not isinstance(row, Damaged)]
+    sums = sum(row[3] for row in whole), sum(row[4] for row in whole)
     total = (f"{len(rows)} scenes", "", "", *sums, "")
-    lines = [tuple(map(str, row)) for row in (COLUMNS, *rows, total)]
+    numbers = [(*r[:3], "-", "-", "-", r.why) if isinstance(r, Damaged) else (*r, "") for r in rows]
+    lines = [tuple(map(str, row)) for row in ((*COLUMNS, ""), *numbers, (*total, ""))]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join(
-            cell.ljust(width) if i < 3 else cell.rjust(width)
+            cell.rjust(width) if 3 <= i < 6 else cell.ljust(width)
             for i, (cell, width) in enumerate(zip(line, widths, strict=True))
         ).rstrip()
         for line in lines

@@ -67,6 +67,31 @@ def test_info_of_built_in_scenes(cfnav, tmp_path):
     ]
 
 
+def test_info_names_a_damaged_scene_beside_the_others(cfnav, data2, tmp_path):
+    root = tmp_path / "copy"
+    shutil.copytree(data2, root)
+    graph = root / "FloorPlan219/graph.json"
+    graph.write_bytes(graph.read_bytes()[:100])
+    code, out, _ = cfnav("info", root)
+    assert code == 1
+    _, _, damaged, whole, total = out.splitlines()
+    name, *cells = damaged.split(maxsplit=6)
+    assert (name, cells[:5]) == ("FloorPlan219", ["living_room", "validation", "-", "-", "-"])
+    assert cells[5].startswith(f"found no readable {graph}")
+    assert whole.split() == ["FloorPlan230", "living_room", "test", "6", "96", "1"]
+    assert total.split() == ["2", "scenes", "6", "96"]
+
+
+def test_info_names_a_damaged_built_in_scene(cfnav, tmp_path):
+    for seed in (7, 8):
+        scene(f"kitchen:{seed}", 4).save(tmp_path / f"kitchen_{seed:05d}")
+    (tmp_path / "kitchen_00007/heading.npy").unlink()
+    code, out, _ = cfnav("info", tmp_path)
+    assert code == 1
+    assert "found" in out.splitlines()[2]
+    assert out.splitlines()[3].split()[0] == "kitchen:8"
+
+
 def test_check_of_built_in_scenes(cfnav, tmp_path):
     hall(name="kitchen:7").save(tmp_path / "kitchen_00007")
     assert cfnav("check", tmp_path)[:2] == (0, f"{tmp_path}: no problems\n")
