@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import torch
 
+from cfnav_core.checkpoint import load_module, load_tensors
 from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.config import RunConfig
 from cfnav_core.methods import METHODS
@@ -48,3 +51,42 @@ def new_agent(
     reward = config.reward or model.reward
     tables = RewardTables.of(reward, knowledge).to(torch.device(device))
     return Agent(model.to(device), predictor.to(device), REWARDS[reward], tables)
+
+
+@dataclass(frozen=True)
+class TrainedAgent:
+    """A checkpoint of a run, ready to act.
+
+    Attributes:
+        agent: in its test phase, on the CPU.
+        inputs: what its scenes offered.
+        head: of the checkpoint, see ``Run.save``.
+    """
+
+    agent: Agent
+    inputs: Inputs
+    head: dict[str, Any]
+
+    @classmethod
+    def load(cls, checkpoint: Path) -> TrainedAgent:
+        """Networks with the weights and the knowledge of a checkpoint.
+
+        Raises:
+            CheckpointError: it is missing, damaged or of another network.
+        """
+        tensors, head = load_tensors(checkpoint)
+        inputs = head["inputs"]
+        inputs = Inputs(tuple(inputs["features"]), inputs["detections"], tuple(inputs["objects"]))
+        tables = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
+        knowledge = Knowledge(**{k.removeprefix("knowledge."): v for k, v in tables.items()})
+        agent = new_agent(RunConfig.read(head["config"]), inputs, knowledge)
+        load_module(checkpoint, "model", agent.model, tensors)
+        load_module(checkpoint, "predictor", agent.predictor, tensors)
+        agent.model.eval()
+        agent.predictor.eval()
+        return cls(agent, inputs, head)
+
+    @property
+    def feeds_prediction(self) -> bool:
+        """Whether the policy reads p_hat after training; it gets zero otherwise."""
+        return METHODS[self.head["config"]["method"]].stage2.feed_prediction

@@ -19,12 +19,12 @@ from cfnav_core.json_file import write_json
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Run a bundle on frozen episodes over offline scenes."""
+    """Run a bundle, or a run's checkpoint, on frozen episodes over offline scenes."""
 
-    bundle: Annotated[Path, tyro.conf.Positional]
-    """Folder of the bundle."""
+    policy: Annotated[Path, tyro.conf.Positional]
+    """Folder of a bundle, or a checkpoint such as best.safetensors."""
     scenes: Path
-    """Folder of scenes made with the bundle's perception."""
+    """Folder or store of scenes made with its perception."""
     episodes: int = 1000
     """Number of episodes."""
     seed: int = 0
@@ -36,30 +36,28 @@ class Evaluate:
     sample: bool = False
     """Sample actions instead of taking the most probable one."""
     p_hat: Literal["own", "true", "zero"] = "own"
-    """Collision probability: the bundle's prediction, the true flag, or zero."""
+    """Collision probability: its own prediction, the true flag, or zero."""
     against: Path | None = None
-    """A second bundle on the same episodes: adds the paired difference."""
+    """A second bundle or checkpoint on the same episodes: adds the paired difference."""
     json: Path | None = None
     """Also write every figure here."""
 
     def run_command(self) -> None:
         """Evaluate and print."""
         # scenes are read into torch tensors, and a robot has no torch
-        from cfnav_core.evaluate import evaluate_bundle, paired_difference
+        from cfnav_core.evaluate import evaluate, paired_difference
 
         arguments = (
             self.scenes, self.episodes, self.seed, self.sample, self.p_hat, self.rooms, self.frozen
         )  # fmt: skip
-        first = evaluate_bundle(self.bundle, *arguments)
-        content: dict[str, Any] = {
-            "bundle": str(self.bundle), "command": shlex.join(["cfnav", *sys.argv[1:]]),
-            **first.summary(),
-        }  # fmt: skip
-        _print(self.bundle, content)
+        first = evaluate(self.policy, *arguments)
+        command = shlex.join(["cfnav", *sys.argv[1:]])
+        content: dict[str, Any] = {"command": command, **first.summary()}
+        _print(self.policy, content)
         if self.against is not None:
-            second = evaluate_bundle(self.against, *arguments)
+            second = evaluate(self.against, *arguments)
             _print(self.against, second.summary())
-            content |= {"against": {"bundle": str(self.against), **second.summary()}}
+            content |= {"against": second.summary()}
             content |= {"paired": paired_difference(first, second)}
             paired = content["paired"]
             low, high = paired["interval"]
@@ -110,10 +108,11 @@ class Info:
         print(json.dumps(head.__dict__, indent=1))
 
 
-def _print(bundle: Path, f: dict[str, Any]) -> None:
+def _print(policy: Path, f: dict[str, Any]) -> None:
     low, high = f["cf_sr_interval"]
     print(
-        f"{bundle}: {f['episodes']} episodes  SR {f['sr']:.3f}  SPL {f['spl']:.3f}  "
+        f"{policy} ({f['model']}, {f['method']}): {f['episodes']} episodes  "
+        f"SR {f['sr']:.3f}  SPL {f['spl']:.3f}  "
         f"CF-SR {f['cf_sr']:.3f} [{low:.3f}, {high:.3f}]  CF-SPL {f['cf_spl']:.3f}  "
         f"collisions {f['collisions_per_episode']:.2f}"
     )

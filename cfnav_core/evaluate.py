@@ -11,10 +11,12 @@ import numpy as np
 import torch
 
 from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.agent import TrainedAgent
 from cfnav_core.bundle import BundleHead
 from cfnav_core.env import SceneBank
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
-from cfnav_core.networks import Networks, OnnxNetworks, Sight
+from cfnav_core.models import MODELS
+from cfnav_core.networks import Networks, OnnxNetworks, Sight, TorchNetworks
 from cfnav_core.perception import Perception
 from cfnav_core.published.keys import Key, state_of
 from cfnav_core.published.start_states import StartState, identity, read_episodes
@@ -135,8 +137,13 @@ def run_episodes(
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results of one bundle on one set of frozen episodes."""
+    """Results of one bundle or checkpoint on one set of frozen episodes.
 
+    Attributes:
+        what: path, model, method, seed, commit and training episodes of what was evaluated.
+    """
+
+    what: dict[str, Any]
     bank: SceneBank
     episodes: Episodes
     results: list[EpisodeResult]
@@ -147,7 +154,7 @@ class Evaluation:
         return np.array(self.bank.names)[self.bank.scene[self.episodes.states]]
 
     def summary(self) -> dict[str, Any]:
-        """All figures: overall, the long episodes, and CF-SR by goal and by room type."""
+        """What was evaluated, and its figures: all, the long ones, by goal and by room type."""
         rooms = self.rooms
         long = [i for i, r in enumerate(self.results) if r.shortest_path_length >= LONG_EPISODE]
         by_goal = {
@@ -156,6 +163,7 @@ class Evaluation:
         }
         kinds = np.array(ROOM_TYPES)[self.bank.room[self.episodes.states]]
         return {
+            **self.what,
             **figures(self.results, rooms),
             "long": figures([self.results[i] for i in long], rooms[long]) if long else None,
             "cf_sr_by_room_type": {
@@ -172,29 +180,90 @@ def _cf_sr_of(results: list[EpisodeResult], chosen: np.ndarray) -> dict[str, flo
     return {"cf_sr": round(float(np.mean(values)), 4), "episodes": len(values)}
 
 
-def evaluate_bundle(
-    bundle: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
+@dataclass(frozen=True)
+class Candidate:
+    """A policy to evaluate.
+
+    Attributes:
+        networks: its own.
+        perception: identity of what made the pictures' features that it reads.
+        objects: what it reads detections of.
+        what: see ``Evaluation``.
+    """
+
+    networks: Networks
+    perception: str
+    objects: tuple[str, ...]
+    what: dict[str, Any]
+
+    @classmethod
+    def load(cls, path: Path) -> Candidate:
+        """Open a bundle's folder or a checkpoint's file.
+
+        Raises:
+            BundleError: the bundle cannot be used.
+            CheckpointError: the checkpoint cannot be used.
+        """
+        if path.is_file():
+            trained = TrainedAgent.load(path)
+            networks = TorchNetworks(
+                trained.agent.model, trained.agent.predictor, trained.feeds_prediction
+            )
+            what = {"checkpoint": str(path), **_origin(trained.head)}
+            return cls(networks, trained.head["perception"], trained.inputs.objects, what)
+        head = BundleHead.load(path)
+        perception = Perception(path / "perception.onnx").identity
+        what = {"bundle": str(path), **_origin(head.training)}
+        return cls(OnnxNetworks(path, head), perception, head.objects, what)
+
+
+def _origin(head: dict[str, Any]) -> dict[str, Any]:
+    config = head["config"]
+    name = config["model"]
+    # a bundle may be another version's
+    title = MODELS[name].title if name in MODELS else name
+    return {
+        "model": title, "method": config["method"], "seed": config["seed"],
+        "commit": head["commit"], "training_episodes": head["episodes"],
+    }  # fmt: skip
+
+
+def evaluate(
+    path: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
     p_hat: str = "own", rooms: Sequence[str] = (), frozen: Path | None = None,
 ) -> Evaluation:  # fmt: skip
-    """Run a bundle on frozen episodes: of a file, or drawn from a seed.
+    """Run a bundle or a checkpoint on frozen episodes: of a file, or drawn from a seed.
 
     Raises:
         BundleError: the bundle cannot be used.
+        CheckpointError: the checkpoint cannot be used.
         SceneError: the scenes cannot be used, or were made with another perception.
     """
-    head = BundleHead.load(bundle)
+    candidate = Candidate.load(path)
     starts = read_episodes(frozen) if frozen else []
     bank = SceneBank.load(scenes, rooms or sorted({s.scene for s in starts}))
-    perception = Perception(bundle / "perception.onnx").identity
-    if bank.perception != perception:
-        raise SceneError(
-            f"found scenes in {scenes} made with perception {bank.perception}, but {bundle} has "
-            f"{perception}; make them with python -m sim_bridge.dataset --perception "
-            f"{bundle}/perception.onnx"
-        )
+    _check_fits(candidate, path, bank, scenes)
     drawn = Episodes.thaw(bank, starts) if frozen else Episodes.draw(bank, episodes, seed)
-    results = run_episodes(OnnxNetworks(bundle, head), bank, drawn, seed if sample else None, p_hat)
-    return Evaluation(bank, drawn, results)
+    results = run_episodes(candidate.networks, bank, drawn, seed if sample else None, p_hat)
+    return Evaluation(candidate.what, bank, drawn, results)
+
+
+def _check_fits(candidate: Candidate, path: Path, bank: SceneBank, scenes: Path) -> None:
+    if bank.perception != candidate.perception:
+        remedy = "give scenes of the perception that it was trained with"
+        if "bundle" in candidate.what:
+            remedy = (
+                f"make them with python -m sim_bridge.dataset --perception {path}/perception.onnx"
+            )
+        raise SceneError(
+            f"found scenes in {scenes} made with perception {bank.perception}, but {path} has "
+            f"{candidate.perception}; {remedy}"
+        )
+    if bank.objects != candidate.objects:
+        raise SceneError(
+            f"found scenes in {scenes} with {len(bank.objects)} objects, but {path} knows "
+            f"{len(candidate.objects)} others or in another order; give scenes with its own"
+        )
 
 
 def paired_difference(a: Evaluation, b: Evaluation) -> dict[str, Any]:

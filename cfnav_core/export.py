@@ -10,16 +10,14 @@ import torch
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.agent import Agent, new_agent
+from cfnav_core.agent import Agent, TrainedAgent
 from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
-from cfnav_core.checkpoint import load_module, load_tensors
-from cfnav_core.config import RunConfig
-from cfnav_core.methods import METHODS
 from cfnav_core.model_card import model_card
-from cfnav_core.models import Inputs, Knowledge, NavModel, Seen
+from cfnav_core.models import Inputs, NavModel, Seen
 from cfnav_core.networks import SEEN
 from cfnav_core.perception import Perception
 from cfnav_core.vocabulary import ROOM_TYPES
+from cfnav_core.whole import whole, writing
 
 TRAINING_FIELDS = (
     "config", "commit", "episodes", "steps", "perception", "train_rooms", "validation_rooms",
@@ -35,38 +33,29 @@ def export_bundle(
         CheckpointError: the checkpoint is damaged or of another network.
         PerceptionError: the perception network is unusable.
         ValueError: another perception than it was trained with, or ``out`` is no bundle.
+        WriteError: the disk is full or refuses; what was there before stays whole.
     """
     if out.exists() and not (out / "bundle.json").exists():
         raise ValueError(f"found {out}, which is no bundle; give a new folder or one to replace")
-    tensors, head = load_tensors(checkpoint)
+    trained = TrainedAgent.load(checkpoint)
+    head, inputs = trained.head, trained.inputs
     identity = Perception(perception).identity
     if identity != head["perception"]:
         raise ValueError(
             f"found perception {identity} at {perception}, but {checkpoint} was trained with "
             f"{head['perception']}; give that one"
         )
-    inputs = head["inputs"]
-    inputs = Inputs(tuple(inputs["features"]), inputs["detections"], tuple(inputs["objects"]))
-    tables = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
-    knowledge = Knowledge(**{k.removeprefix("knowledge."): v for k, v in tables.items()})
-    agent = new_agent(RunConfig.read(head["config"]), inputs, knowledge)
-    load_module(checkpoint, "model", agent.model, tensors)
-    load_module(checkpoint, "predictor", agent.predictor, tensors)
-    partial = out.with_name(out.name + ".partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    shutil.copyfile(perception, partial / "perception.onnx")
-    export_networks(agent, inputs, partial)
-    method = head["config"]["method"]
-    bundle = BundleHead(
-        name, method, METHODS[method].stage2.feed_prediction, inputs.objects,
-        tuple(head["goals"]), {n: file_hash(partial / n) for n in NETWORKS},
-        {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
-    )  # fmt: skip
-    bundle.save(partial)
-    (partial / "MODEL_CARD.md").write_text(model_card(bundle))
-    shutil.rmtree(out, ignore_errors=True)
-    partial.replace(out)
+    with writing(out), whole(out) as partial:
+        partial.mkdir(parents=True)
+        shutil.copyfile(perception, partial / "perception.onnx")
+        export_networks(trained.agent, inputs, partial)
+        bundle = BundleHead(
+            name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
+            tuple(head["goals"]), {n: file_hash(partial / n) for n in NETWORKS},
+            {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
+        )  # fmt: skip
+        bundle.save(partial)
+        (partial / "MODEL_CARD.md").write_text(model_card(bundle))
     return bundle
 
 

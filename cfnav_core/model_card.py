@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from cfnav_core.bundle import BundleHead
+from cfnav_core.models import MODELS
 
 _TABLE = (
     "| bundle | SR | SPL | CF-SR | CF-SPL | collisions per episode |",
@@ -16,10 +18,11 @@ def model_card(head: BundleHead) -> str:
     """Markdown for ``MODEL_CARD.md``."""
     t = head.training
     hp, size = t["config"]["hyperparameters"], t["config"]["size"]
+    title = MODELS[t["config"]["model"]].title
     lines = [
         f"# Model card: {head.name}",
         "",
-        f"An object-goal navigation policy (model `{t['config']['model']}`, method "
+        f"An object-goal navigation policy (model `{title}`, method "
         f"`{head.method}`) for a robot with one RGB camera at 1.3 m, 90 degrees, that tilts 30 "
         "degrees down. Goals: " + ", ".join(head.goals) + ".",
         "",
@@ -109,7 +112,7 @@ def _paired(m: dict[str, Any]) -> list[str]:
 
 
 def _name(m: dict[str, Any]) -> str:
-    return str(m["bundle"]).rstrip("/").rsplit("/", 1)[-1]
+    return Path(m["bundle"]).name if "bundle" in m else Path(m["checkpoint"]).parent.name
 
 
 def _row(name: str, m: dict[str, Any]) -> str:

@@ -1,7 +1,5 @@
 """The navigation models by name. A new model is one file and one line here."""
 
-from collections.abc import Callable
-
 from cfnav_core.models.akgvp import AKGVP
 from cfnav_core.models.base import (
     PUBLISHED,
@@ -19,7 +17,7 @@ from cfnav_core.models.lstde import LSTDE
 from cfnav_core.models.mjolnir import MjolnirR
 from cfnav_core.models.tdanet import TDANet
 
-MODELS: dict[str, Callable[[Inputs, ModelSize, Knowledge], NavModel]] = {
+MODELS: dict[str, type[NavModel]] = {
     "compact": Compact,
     "baseline_label": BaselineLabel,
     "baseline_word": BaselineWord,
@@ -29,7 +27,7 @@ MODELS: dict[str, Callable[[Inputs, ModelSize, Knowledge], NavModel]] = {
     "mjolnir": MjolnirR,
     "tdanet": TDANet,
 }
-"""Name to constructor, which takes data shapes, widths and tables of knowledge."""
+"""Name to class, which is made of data shapes, widths and tables of knowledge."""
 
 __all__ = [
     "MODELS", "PUBLISHED", "Inputs", "Knowledge", "ModelSize", "NavModel", "Seen", "State",

@@ -21,6 +21,8 @@ class AKGVP(LayoutModel):
         threshold: see ``LayoutModel``.
     """
 
+    title = "AKGVP"
+
     def __init__(
         self, inputs: Inputs, size: ModelSize, knowledge: Knowledge, threshold: float | None = None
     ) -> None:

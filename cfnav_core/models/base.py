@@ -111,10 +111,12 @@ class NavModel(nn.Module):
     Attributes:
         state_shapes: names and shapes (without B) of what it remembers.
         reward: the row of ``REWARDS`` it was published with.
+        title: its name wherever results appear.
     """
 
     state_shapes: Mapping[str, tuple[int, ...]]
     reward: ClassVar[str] = "baseline"
+    title: ClassVar[str]
 
     def picture_encoder(self) -> nn.Module:
         """The layers that a collision predictor may share: features to a map.

@@ -54,6 +54,8 @@ class BaselineWord(NavModel):
 
     words: Tensor
 
+    title = "Baseline (word)"
+
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         words = table(knowledge, "words", len(inputs.objects), None)
@@ -79,6 +81,7 @@ class BaselineLabel(NavModel):
     """
 
     reward = "hoz"
+    title = "Baseline (label)"
 
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()

@@ -33,6 +33,8 @@ class Compact(NavModel):
         knowledge: nothing of it is needed.
     """
 
+    title = "compact"
+
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects, columns, hidden = len(inputs.objects), inputs.detections, size.hidden

@@ -71,6 +71,7 @@ class HOZ(NavModel):
     adjacency: Tensor
 
     reward = "hoz"
+    title = "HOZ"
 
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()

@@ -101,6 +101,8 @@ class LSTDE(LayoutModel):
         threshold: see ``LayoutModel``.
     """
 
+    title = "L-sTDE"
+
     def __init__(
         self, inputs: Inputs, size: ModelSize, knowledge: Knowledge, threshold: float | None = 0.5
     ) -> None:

@@ -73,6 +73,7 @@ class MjolnirR(NavModel):
     similarity: Tensor
 
     reward = "mjolnir"
+    title = "MJOLNIR-r"
 
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()

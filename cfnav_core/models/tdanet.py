@@ -78,6 +78,7 @@ class TDANet(NavModel):
     found: Tensor
 
     reward = "similarity"
+    title = "TDANet-style"
 
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()

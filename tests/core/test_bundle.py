@@ -15,16 +15,18 @@ import torch
 from cfnav_core.actions import Action
 from cfnav_core.agent import new_agent
 from cfnav_core.bundle import BundleError, BundleHead
+from cfnav_core.checkpoint import CheckpointError
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
 from cfnav_core.env import SceneBank
-from cfnav_core.evaluate import Episodes, evaluate_bundle, paired_difference, run_episodes
+from cfnav_core.evaluate import Episodes, evaluate, paired_difference, run_episodes
 from cfnav_core.export import export_bundle
+from cfnav_core.model_card import model_card
 from cfnav_core.models import Knowledge
 from cfnav_core.networks import AgentState, OnnxNetworks, Sight, TorchNetworks
 from cfnav_core.perception import Perception, PerceptionError, preprocess
 from cfnav_core.perception_net import PerceptionNet, export_perception
 from cfnav_core.policy import Policy
-from cfnav_core.scene import SceneError
+from cfnav_core.scene import OfflineScene, SceneError
 from cfnav_core.train import train
 
 from .worlds import hall
@@ -67,7 +69,7 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     card = (made / "bundle" / "MODEL_CARD.md").read_text()
     assert "Nothing was measured" in card
     assert "kitchen:0" in card
-    first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
+    first = evaluate(made / "bundle", made / "scenes", 60, seed=5)
     live = {
         **first.summary(), "bundle": "x", "speed": 2.0, "veto": False, "commits": ["abc"],
         "rooms": ["kitchen:20"], "command": "python -m live",
@@ -82,6 +84,15 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert "`cfnav evaluate`" in card
     assert "60 episodes through mock TurtleBot 4" in card
     assert "**+0.250** [+0.100, +0.400]" in card
+
+
+def test_a_card_gives_the_models_title(made):
+    head = BundleHead.load(made / "bundle")
+    assert "(model `compact`, method `ours`)" in model_card(head)
+    config = {**head.training["config"], "model": "tdanet"}
+    card = model_card(replace(head, training={**head.training, "config": config}))
+    assert "(model `TDANet-style`, method `ours`)" in card
+    assert "tdanet" not in card
 
 
 def test_export_replaces_nothing_but_a_bundle(made, tmp_path):
@@ -200,11 +211,11 @@ def test_damaged_bundle_says_what_to_do(made, tmp_path, damage):
 
 
 def test_evaluation_is_frozen_and_paired(made):
-    first = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
-    again = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=5)
+    first = evaluate(made / "bundle", made / "scenes", 60, seed=5)
+    again = evaluate(made / "bundle", made / "scenes", 60, seed=5)
     assert first.summary() == again.summary()
     assert paired_difference(first, again)["cf_sr_difference"] == 0
-    other = evaluate_bundle(made / "bundle", made / "scenes", 60, seed=6)
+    other = evaluate(made / "bundle", made / "scenes", 60, seed=6)
     with pytest.raises(ValueError, match="different episodes"):
         paired_difference(first, other)
     summary = first.summary()
@@ -216,10 +227,48 @@ def test_evaluation_is_frozen_and_paired(made):
     np.testing.assert_array_equal(rooms, expected)
 
 
+def test_a_checkpoint_is_evaluated_like_its_bundle(made):
+    best = made / "run" / "best.safetensors"
+    of_run, of_bundle = (evaluate(p, made / "scenes", 60, seed=5) for p in (best, made / "bundle"))
+    first, second = of_run.summary(), of_bundle.summary()
+    assert first.pop("checkpoint") == str(best)
+    assert second.pop("bundle") == str(made / "bundle")
+    assert first == second
+    assert (first["model"], first["method"], first["seed"]) == ("compact", "ours", 0)
+    assert first["training_episodes"] > 300
+    assert paired_difference(of_run, of_bundle)["cf_sr_difference"] == 0
+    fed = evaluate(best, made / "scenes", 60, seed=5, p_hat="true").summary()
+    assert fed["episodes_identity"] == first["episodes_identity"]
+
+
+def test_a_checkpoint_wants_its_perception_and_objects(made, tmp_path):
+    best = made / "run" / "best.safetensors"
+    hall().save(tmp_path / "other" / "kitchen_00000")
+    with pytest.raises(SceneError, match="give scenes of the perception that it was trained with"):
+        evaluate(best, tmp_path / "other", 10, 0)
+    scene = OfflineScene.load(made / "scenes" / "kitchen_00000")
+    first, second, *others = scene.objects
+    turned = replace(scene, objects=(second, first, *others))
+    turned.save(tmp_path / "turned" / "kitchen_00000")
+    for path in (best, made / "bundle"):
+        with pytest.raises(SceneError, match="38 others or in another order"):
+            evaluate(path, tmp_path / "turned", 10, 0)
+    with pytest.raises(CheckpointError, match="found no readable checkpoint"):
+        evaluate(made / "perception.onnx", made / "scenes", 10, 0)
+
+
+def test_a_card_names_a_checkpoint_it_is_compared_with_by_its_run(made):
+    path = made / "run" / "best.safetensors"
+    figures = evaluate(path, made / "scenes", 20, seed=5).summary()
+    metrics = {**figures, "against": figures, "command": "cfnav evaluate"}
+    export_bundle(path, made / "perception.onnx", made / "third", "x", metrics)
+    assert "\n| run | " in (made / "third" / "MODEL_CARD.md").read_text()
+
+
 def test_scenes_of_another_perception_are_refused(made, tmp_path):
     hall().save(tmp_path / "kitchen_00000")
     with pytest.raises(SceneError, match=r"sim_bridge.dataset --perception"):
-        evaluate_bundle(made / "bundle", tmp_path, 10, 0)
+        evaluate(made / "bundle", tmp_path, 10, 0)
 
 
 class Oracle:

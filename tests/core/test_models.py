@@ -175,6 +175,15 @@ def test_compact_checkpoints_of_the_former_baseline_load():
     assert model.state_shapes == {"h": (256,), "c": (256,)}
 
 
+def test_titles_are_the_papers_names():
+    titles = {name: model.title for name, model in MODELS.items()}
+    assert titles == {
+        "compact": "compact", "baseline_label": "Baseline (label)",
+        "baseline_word": "Baseline (word)", "hoz": "HOZ", "lstde": "L-sTDE", "akgvp": "AKGVP",
+        "mjolnir": "MJOLNIR-r", "tdanet": "TDANet-style",  # its layers are not public
+    }  # fmt: skip
+
+
 NEEDS = {
     "baseline_word": ["words"], "hoz": ["zones", "zone_edges"], "lstde": ["layout"],
     "akgvp": ["layout", "text"], "mjolnir": ["words", "adjacency"], "tdanet": ["words"],
