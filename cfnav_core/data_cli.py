@@ -17,15 +17,16 @@ from cfnav_core.config import Rooms
 from cfnav_core.knowledge.command import KnowledgeCommand
 from cfnav_core.pack import pack
 from cfnav_core.published import start_states
+from cfnav_core.published.ai2thor import ExportAi2thor
 from cfnav_core.published.check import check_root, check_scene
 from cfnav_core.published.convert import convert
+from cfnav_core.published.features import FeaturesData
 from cfnav_core.published.layouts import (
     LAYOUTS,
     Layout,
     SceneFolder,
     objects_of,
     recognise,
-    room_of,
     scene_folders,
     scenes_root,
 )
@@ -251,36 +252,6 @@ class EpisodesData:
 
 
 @dataclass(frozen=True)
-class ExportAi2thor:
-    """Drive AI2-THOR through scenes and write them in the published layout (needs ai2thor).
-
-    Edges are real MoveAheads, not teleports as in the published graphs.
-    """
-
-    scenes: tuple[str, ...]
-    """Names such as FloorPlan1 FloorPlan201."""
-    out: Path
-    """Folder of the scenes; those that are there already are kept."""
-
-    def run_command(self) -> None:
-        """Export."""
-        from cfnav_core.published import ai2thor
-
-        for name in self.scenes:
-            room_of(name)
-        todo = [name for name in self.scenes if not (self.out / name).exists()]
-        if not todo:
-            raise ValueError(f"found no scene to export that is not in {self.out}; name some")
-        controller = ai2thor.start()
-        try:
-            for name in tqdm(todo, unit="scene"):
-                states = ai2thor.export_scene(controller, name, self.out)
-                tqdm.write(f"{name}: {states} states")
-        finally:
-            controller.stop()
-
-
-@dataclass(frozen=True)
 class FreezeData:
     """Draw episodes from scenes and freeze them in a file with a hash (needs torch)."""
 
@@ -316,4 +287,5 @@ Data = (
     | Annotated[EpisodesData, tyro.conf.subcommand("episodes")]
     | Annotated[FreezeData, tyro.conf.subcommand("freeze")]
     | Annotated[ExportAi2thor, tyro.conf.subcommand("export-ai2thor")]
+    | Annotated[FeaturesData, tyro.conf.subcommand("features")]
 )

@@ -3,7 +3,8 @@
 Every reachable state is visited once and its picture, visible objects and boxes are written.
 Unlike the published graphs, whose edges say that teleporting to the end pose succeeds, a MoveAhead
 edge here is a MoveAhead that the simulator really made, so corners cannot be cut; results on such
-scenes are not comparable to published ones, nor are those of another AI2-THOR version.
+scenes are not comparable to published ones, nor are those of another AI2-THOR version. Features are
+made from the pictures afterwards, see ``features``.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from tqdm import tqdm
 
 from cfnav_core.actions import STEP_M, Action
+from cfnav_core.published.features import IMAGES
 from cfnav_core.published.graph import MOVES
 from cfnav_core.published.keys import LOOK_DEG, TURN_DEG, Key
 from cfnav_core.published.layouts import room_of
@@ -28,9 +31,6 @@ from cfnav_core.whole import whole, writing
 PICTURE_SIDE = 300
 FIELD_OF_VIEW_DEG = 100
 """Of the published environment."""
-
-IMAGES = "images.hdf5"
-"""Pictures of all states, uint8 [300, 300, 3] each."""
 
 ON_GRID_M = 0.02
 """Farthest from a point of the grid that a position still is that point."""
@@ -200,3 +200,32 @@ def _write(folder: Path, visits: Visits) -> None:
     }  # fmt: skip
     for name, content in files.items():
         (folder / name).write_text(json.dumps(content))
+
+
+@dataclass(frozen=True)
+class ExportAi2thor:
+    """Drive AI2-THOR through scenes and write them in the published layout (needs ai2thor).
+
+    Edges are real MoveAheads, not teleports as in the published graphs. Pictures are written, and
+    no features: make them with cfnav data features before converting.
+    """
+
+    scenes: tuple[str, ...]
+    """Names such as FloorPlan1 FloorPlan201."""
+    out: Path
+    """Folder of the scenes; those that are there already are kept."""
+
+    def run_command(self) -> None:
+        """Export."""
+        for name in self.scenes:
+            room_of(name)
+        todo = [name for name in self.scenes if not (self.out / name).exists()]
+        if not todo:
+            raise ValueError(f"found no scene to export that is not in {self.out}; name some")
+        controller = start()
+        try:
+            for name in tqdm(todo, unit="scene"):
+                states = export_scene(controller, name, self.out)
+                tqdm.write(f"{name}: {states} states")
+        finally:
+            controller.stop()

@@ -11,6 +11,7 @@ import numpy as np
 
 from cfnav_core.actions import STEP_M
 from cfnav_core.published.arrays import Source, open_detections, open_features
+from cfnav_core.published.features import IMAGES, PREPARATIONS
 from cfnav_core.published.graph import Graph, SeenObject, read_graph, read_visible, transitions
 from cfnav_core.published.keys import LOOK_DEG, Key
 from cfnav_core.published.layouts import Layout, SceneFolder
@@ -75,7 +76,10 @@ def first_of(folder: Path, names: Sequence[str]) -> Path:
     hint = ""
     if any(n.startswith("det_feature") for n in names) and any(folder.glob("detr_*.hdf5")):
         hint = " (DETR detections are not read here)"
-    raise SceneError(f"found no {' or '.join(names)} in {folder}{hint}; unpack the data set again")
+    remedy = "unpack the data set again"
+    if set(names) <= {kind.file for kind in PREPARATIONS.values()} and (folder / IMAGES).exists():
+        remedy = f"make features from its {IMAGES} with cfnav data features"
+    raise SceneError(f"found no {' or '.join(names)} in {folder}{hint}; {remedy}")
 
 
 def read_scene(folder: SceneFolder, choice: Choice) -> OfflineScene:
