@@ -36,7 +36,7 @@ IN_MEMORY_BYTES = 2 << 30
 
 
 def step_limit(room_type: str) -> int:
-    """Most actions of an episode, Done included: the lineage's 100, 200 in living rooms."""
+    """Most actions of an episode, Done included: 100, 200 in living rooms, as the lineage tests."""
     return LIVING_ROOM_STEP_LIMIT if room_type == "living_room" else STEP_LIMIT
 
 
