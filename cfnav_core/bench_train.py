@@ -34,7 +34,7 @@ from cfnav_core.config import Hyperparameters, MethodName, ModelName, ModelSize,
 from cfnav_core.env import CPU, ObjectNavEnv, SceneBank
 from cfnav_core.json_file import write_json
 from cfnav_core.methods import METHODS
-from cfnav_core.models import PUBLISHED, Knowledge
+from cfnav_core.models import MODELS, PUBLISHED, Knowledge
 from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.ranks import Ranks
 from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
@@ -374,7 +374,8 @@ def main() -> None:
 
 def _line(found: dict[str, Any]) -> str:
     return (
-        f"{found['model']:<15}{found['width']:<9}{found['method']:<7}stage {found['stage']}  "
+        f"{MODELS[found['model']].title:<17}{found['width']:<9}{found['method']:<7}"
+        f"stage {found['stage']}  "
         f"{found['ranks']} x {found['parallel']:>4} episodes  {found['precision']:<8}"
         f"{found['device']:<5}{found['steps_per_cpu_s']:>9.0f} steps/CPU-s  "
         f"{found['fraction_of_bound']:>5.0%} of the bound, "
