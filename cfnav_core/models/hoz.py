@@ -69,6 +69,7 @@ class HOZ(NavModel):
     zones: Tensor
     hops: Tensor
     adjacency: Tensor
+    mark: Tensor
 
     reward = "hoz"
     title = "HOZ"
@@ -83,6 +84,7 @@ class HOZ(NavModel):
         self.register_buffer("zones", zones, persistent=False)
         self.register_buffer("hops", torch.stack([*map(first_hops, edges)]), persistent=False)
         self.register_buffer("adjacency", normalised(edges), persistent=False)
+        self.register_buffer("mark", torch.ones(objects, 1), persistent=False)
         self.picture = Picture(inputs.features, k)
         side = self.picture.side
         self.relation = RelationEncoder(objects, appearance, info, 1, side, mixes=4)
@@ -101,7 +103,7 @@ class HOZ(NavModel):
         """See ``NavModel.forward``."""
         rows = self.columns.read(seen.detections)
         picture = self.picture(seen.features)
-        relation = torch.relu(self.relation(rows, seen.goal, seen.goal[:, :, None]))
+        relation = torch.relu(self.relation(rows, seen.goal, self.mark))
         room = self.room(rows.info, picture)
         subgoal, moved = self.subgoal(room.argmax(1), rows, seen.goal, state["zones"])
         x = self.fusion(picture, relation, self.action(seen.previous_action), room, subgoal)

@@ -70,9 +70,8 @@ class LayoutModel(NavModel):
         prior = self.prior[seen.room.argmax(1)]
         belief = layout.update(rows.detected, state["added"], state["last"])
         weight = layout.attention(prior, belief.added, seen.goal)
-        code = seen.goal[:, :, None] * self.codes
-        experience = torch.relu(self.experience(rows, seen.goal, code, weight))
-        picture, present = self.picture(seen.features), self.present(rows, seen.goal, code)
+        experience = torch.relu(self.experience(rows, seen.goal, self.codes, weight))
+        picture, present = self.picture(seen.features), self.present(rows, seen.goal, self.codes)
         action = self.action(seen.previous_action)
 
         def answer(keep: Tensor | int) -> tuple[Tensor, Tensor, State]:

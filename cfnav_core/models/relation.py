@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor, nn
 
 from cfnav_core.models.reading import Rows
@@ -31,19 +32,19 @@ class RelationEncoder(nn.Module):
         self.side = side
         self.first = nn.Linear(info + 1, objects)
         self.mix = nn.ModuleList(nn.Linear(objects, objects) for _ in range(mixes))
-        self.map = nn.Sequential(
-            nn.Linear(appearance + info + code, 128), nn.ReLU(), nn.Linear(128, side**2)
-        )
+        self.row = nn.Linear(appearance + info + code, 128)
+        self.map = nn.Linear(128, side**2)
 
     def forward(
-        self, rows: Rows, goal: Tensor, code: Tensor, attention: Tensor | None = None
+        self, rows: Rows, goal: Tensor, codes: Tensor, attention: Tensor | None = None
     ) -> Tensor:
         """Encode.
 
         Args:
             rows: see ``Rows``.
             goal: float32 [B, C], one-hot.
-            code: float32 [B, C, X], zero but in the goal's row.
+            codes: float32 [C, X], what stands at the end of an object's row when it is the goal;
+                zeros do otherwise.
             attention: float32 [B, C], a factor for each row; None leaves them as they are.
 
         Returns:
@@ -54,7 +55,11 @@ class RelationEncoder(nn.Module):
         for layer in self.mix:
             relation = torch.relu(layer(relation))
         appearance = relation.transpose(1, 2) @ rows.appearance
-        mixed = torch.cat([appearance, rows.info, code], 2)
+        mixed, mark = torch.cat([appearance, rows.info], 2), goal
         if attention is not None:
-            mixed = mixed * attention[:, :, None]
-        return self.map(mixed).unflatten(2, (self.side, self.side))
+            mixed, mark = mixed * attention[:, :, None], goal * attention
+        # codes are long and stand in one row of many: their product is made once for all episodes
+        weight, width = self.row.weight, mixed.shape[2]
+        coded = codes @ weight[:, width:].t()
+        hidden = F.linear(mixed, weight[:, :width], self.row.bias) + mark[:, :, None] * coded
+        return self.map(torch.relu(hidden)).unflatten(2, (self.side, self.side))

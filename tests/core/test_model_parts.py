@@ -133,15 +133,18 @@ def test_hoz_updates_the_predicted_room_and_reads_the_next_zone():
 
 def test_relation_encoder_step_by_step():
     torch.manual_seed(0)
-    encoder = RelationEncoder(objects=3, appearance=4, info=2, code=1, side=2, mixes=2)
+    encoder = RelationEncoder(objects=3, appearance=4, info=2, code=5, side=2, mixes=2)
+    codes = torch.rand(3, 5)
     appearance, info, goal, weight = torch.rand(3, 4), torch.rand(3, 2), t(0, 1, 0), torch.rand(3)
     a = torch.relu(encoder.first(torch.cat([info, goal[:, None]], 1))).t()
     for layer in encoder.mix:
         a = torch.relu(layer(a))
     mixed = (appearance.t() @ a).t()
-    expected = encoder.map(torch.cat([mixed, info, goal[:, None]], 1) * weight[:, None])
+    code = goal[:, None] * codes
+    row = torch.relu(encoder.row(torch.cat([mixed, info, code], 1) * weight[:, None]))
+    expected = encoder.map(row)
     rows = Rows(appearance[None], info[None], goal[None], goal[None], info[None])
-    found = encoder(rows, goal[None], goal[None, :, None], weight[None])
+    found = encoder(rows, goal[None], codes, weight[None])
     torch.testing.assert_close(found[0].flatten(1), expected)
 
 
@@ -202,7 +205,7 @@ def lstde(threshold):
 
 def without_present(model):
     """The same model when picture and present relations say nothing."""
-    for layer in (model.picture.layer, model.present.map[2]):
+    for layer in (model.picture.layer, model.present.map):
         torch.nn.init.zeros_(layer.weight)
         torch.nn.init.zeros_(layer.bias)
     return model
