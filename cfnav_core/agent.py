@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import nn
 
 from cfnav_core.checkpoint import load_module, load_tensors
 from cfnav_core.collision_predictor import CollisionPredictor
@@ -29,6 +30,12 @@ class Agent:
     predictor: CollisionPredictor
     reward: Reward
     tables: RewardTables
+
+    def parameters(self) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
+        """Theta with theta_v, and phi without what it shares with them."""
+        policy = list(self.model.parameters())
+        held = {id(p) for p in policy}
+        return policy, [p for p in self.predictor.parameters() if id(p) not in held]
 
 
 def new_agent(

@@ -11,11 +11,13 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
+from cfnav_core.whole import whole, writing
+
 SCHEMA = 1
 
 
 class CheckpointError(ValueError):
-    """A checkpoint is damaged, of another network or cannot be written; the message says which."""
+    """A checkpoint is damaged or of another network; the message says which."""
 
 
 def save_tensors(
@@ -27,20 +29,17 @@ def save_tensors(
         kind: what is saved; ``load_tensors`` asks for it again.
 
     Raises:
-        CheckpointError: the disk is full or refuses; what was there before stays whole.
+        WriteError: the disk is full or refuses; what was there before stays whole.
     """
-    partial = path.with_name(path.name + ".partial")
     copies = {k: v.detach().clone().contiguous() for k, v in tensors.items()}
-    try:
+    text = json.dumps({"schema": SCHEMA, "kind": kind, **head})
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        whole = {"schema": SCHEMA, "kind": kind, **head}
-        save_file(copies, partial, {"head": json.dumps(whole)})
-        partial.replace(path)
-    except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
-        raise CheckpointError(
-            f"found no way to write {path} ({error}); make room and run the same command again"
-        ) from error
+        with whole(path) as partial:
+            try:
+                save_file(copies, partial, {"head": text})
+            except SafetensorError as error:  # its own name for what the system said
+                raise OSError(str(error)) from error
 
 
 def load_tensors(path: Path, kind: str = "run") -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -86,8 +85,8 @@ def restore_optimizer(
         if name.startswith(prefix + "."):
             _, index, key = name.rsplit(".", 2)
             state.setdefault(int(index), {})[key] = value
-    whole = optimizer.state_dict()
-    optimizer.load_state_dict({"state": state, "param_groups": whole["param_groups"]})
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
 
 
 def save_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, seen: int) -> None:

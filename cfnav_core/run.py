@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
@@ -31,6 +32,7 @@ from cfnav_core.networks import TorchNetworks
 from cfnav_core.ranks import Ranks
 from cfnav_core.scene_check import not_finite
 from cfnav_core.scenes import scene_names
+from cfnav_core.whole import write_file, writing
 
 CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
 LOG = "log.jsonl"
@@ -74,10 +76,9 @@ class Run:
         self.knowledge = known or Knowledge()
         self.agent = new_agent(config, self.bank.inputs, self.knowledge, device)
         self.model, self.predictor = self.agent.model, self.agent.predictor
-        self.optimizer = torch.optim.Adam(self.model.parameters(), self.hp.lr, fused=True)
-        policy = {id(p) for p in self.model.parameters()}
-        own = [p for p in self.predictor.parameters() if id(p) not in policy]
-        self.predictor_optimizer = torch.optim.Adam(own, self.hp.lr, fused=True)
+        self.optimizer, self.predictor_optimizer = (
+            torch.optim.Adam(own, self.hp.lr, fused=True) for own in self.agent.parameters()
+        )
         self.episodes, self.steps, self.best = 0, 0, -1.0
         self._board: SummaryWriter | None = None
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
@@ -135,7 +136,8 @@ class Run:
                 )
         known = {f"knowledge.{k}": v for k, v in self.knowledge.arrays().items()}
         stored = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
-        if known.keys() != stored.keys() or any((known[k] != stored[k]).any() for k in known):
+        same = known.keys() == stored.keys()
+        if not same or not all(np.array_equal(known[k], stored[k]) for k in known):
             raise CheckpointError(
                 f"found a run in {options.out} that knew something else of the objects than "
                 f"{options.knowledge}; give its own --knowledge, or choose another --out"
@@ -223,21 +225,24 @@ class Run:
         if not path.exists():
             return
         lines = path.read_text().splitlines(keepends=True)
-        whole = [line for line in lines if line.endswith("}\n")]  # a kill may tear the last
+        ended = [line for line in lines if line.endswith("}\n")]  # a kill may tear the last
         try:
-            kept = [line for line in whole if json.loads(line)["episodes"] <= self.episodes]
+            kept = [line for line in ended if json.loads(line)["episodes"] <= self.episodes]
         except (ValueError, KeyError, TypeError) as error:
             raise CheckpointError(
                 f"found no readable log at {path} ({error}); move it away to go on without it"
             ) from error
         if kept != lines:
-            partial = path.with_name(LOG + ".partial")
-            partial.write_text("".join(kept))
-            partial.replace(path)
+            write_file(path, "".join(kept))
 
     def log(self, figures: dict[str, Any]) -> None:
-        """Append one line to log.jsonl, and the same numbers as TensorBoard scalars."""
-        with (self.options.out / LOG).open("a") as file:
+        """Append one line to log.jsonl, and the same numbers as TensorBoard scalars.
+
+        Raises:
+            WriteError: the disk is full or refuses.
+        """
+        path = self.options.out / LOG
+        with writing(path), path.open("a") as file:
             file.write(json.dumps(figures) + "\n")
         if self._board is None:
             # scalars of episodes that a killed run lost are hidden

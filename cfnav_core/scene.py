@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from cfnav_core.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.vocabulary import ROOM_TYPES
+from cfnav_core.whole import whole, writing
 
 HEADINGS, HORIZONS = 8, 2
 SCHEMA = 2
@@ -92,23 +92,13 @@ class OfflineScene:
         """Write the scene; ``folder`` appears only when complete.
 
         Raises:
-            SceneError: the disk is full or cannot be written; nothing of this scene is left there.
+            WriteError: the disk is full or refuses; what was there before stays whole.
         """
-        partial = folder.with_name(folder.name + ".partial")
-        shutil.rmtree(partial, ignore_errors=True)
-        try:
+        with writing(folder), whole(folder) as partial:
             partial.mkdir(parents=True)
             self._write(partial)
-        except OSError as error:
-            shutil.rmtree(partial, ignore_errors=True)
-            raise SceneError(
-                f"found no way to write {partial} ({error}); make room and run the same command "
-                "again"
-            ) from error
-        if (folder / PICTURES).exists():
-            (folder / PICTURES).replace(partial / PICTURES)
-        shutil.rmtree(folder, ignore_errors=True)
-        partial.replace(folder)
+            if (folder / PICTURES).exists():
+                (folder / PICTURES).replace(partial / PICTURES)
 
     def _write(self, folder: Path) -> None:
         for key in ARRAYS:

@@ -178,7 +178,7 @@ def main() -> None:
     try:
         for key, value in train(tyro.cli(Options)).items():
             print(f"{key}: {value}")
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         print(f"train_perception: {error}", file=sys.stderr)
         sys.exit(2)
 

@@ -25,7 +25,7 @@ import torch
 import torch.multiprocessing as mp
 from torch import Tensor, nn
 
-from cfnav_core.agent import Agent, new_agent
+from cfnav_core.agent import new_agent
 from cfnav_core.algorithm import Memory, collect_rollout, losses
 from cfnav_core.config import TrainOptions
 from cfnav_core.env import ObjectNavEnv, SceneBank
@@ -42,13 +42,6 @@ END_S = 60.0
 """A worker that is still busy this long after the end is killed."""
 COUNTS = ("ended", "successes", "collision_free", "collisions", "steps", "updates")
 MOMENTS = ("exp_avg", "exp_avg_sq", "max_exp_avg_sq")
-
-
-def parameters_of(agent: Agent) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
-    """Theta with theta_v, and phi without what it shares with them."""
-    policy = list(agent.model.parameters())
-    held = {id(p) for p in policy}
-    return policy, [p for p in agent.predictor.parameters() if id(p) not in held]
 
 
 def adam(parameters: list[nn.Parameter], lr: float) -> torch.optim.Adam:
@@ -176,9 +169,7 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
     method, hp = METHODS[config.method], config.hyperparameters
     policy, predictor = (
         Copy(learner, own, hp.lr, hp.max_grad_norm)
-        for learner, own in zip(
-            (shared.policy, shared.predictor), parameters_of(agent), strict=True
-        )
+        for learner, own in zip((shared.policy, shared.predictor), agent.parameters(), strict=True)
     )
     total = hp.stage1_episodes + hp.stage2_episodes
     while shared.episodes < total and not shared.stop and _parent_lives():
@@ -230,7 +221,7 @@ class Workers:
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        policy, predictor = parameters_of(run.agent)
+        policy, predictor = run.agent.parameters()
         run.optimizer = adam(policy, run.hp.lr)
         run.predictor_optimizer = adam(predictor, run.hp.lr)
         run.resume()

@@ -15,6 +15,7 @@ from cfnav_core.published.workers import in_order
 from cfnav_core.scene import OfflineScene
 from cfnav_core.store import StoreHead
 from cfnav_core.store_writer import StoreWriter
+from cfnav_core.whole import WriteError
 
 
 def convert(
@@ -50,6 +51,8 @@ def convert(
         for folder, part in bar:
             writer.append(OfflineScene.load(part), folder.split)
             shutil.rmtree(part)
+    except WriteError:
+        raise  # of a part, which names itself
     except OSError as error:
         raise writer.full(error) from error
     finally:

@@ -28,6 +28,7 @@ from cfnav_core.picture_set import COARSE, HEAT, PictureSet
 from cfnav_core.rooms import parse_rooms, room_folder
 from cfnav_core.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.whole import whole, writing
 from sim_bridge.room import Room, generate_room
 
 BATCH = 64
@@ -102,15 +103,11 @@ def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_picture
 
 
 def _keep(folder: Path, pictures: np.ndarray) -> None:
-    partial = folder / f"partial_{PICTURES}"
-    try:
+    path = folder / PICTURES
+    with writing(path):
         folder.mkdir(parents=True, exist_ok=True)
-        np.save(partial, pictures)
-        partial.replace(folder / PICTURES)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise SceneError(f"found no way to write {partial} ({error}); make room and run the same "
-                         "command again") from error  # fmt: skip
+        with whole(path) as partial, partial.open("wb") as file:
+            np.save(file, pictures)
 
 
 def _kept(folder: Path) -> OfflineScene | None:
@@ -284,7 +281,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("dataset: ended by SIGTERM"))
     try:
         run(tyro.cli(Options))
-    except (ValueError, ImportError) as error:
+    except (ValueError, ImportError, OSError) as error:
         print(f"dataset: {error}", file=sys.stderr)
         sys.exit(2)
 

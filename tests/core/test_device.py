@@ -6,6 +6,8 @@ naming its device fails the run.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -29,8 +31,8 @@ CPU = torch.device("cpu")
 @pytest.mark.parametrize("method", ["ours", "xiao"])
 def test_a_rollout_names_the_device_of_every_tensor(name, method):
     bank = SceneBank([hall()], device=CPU)
-    known = knowledge(len(bank.objects))
-    object.__setattr__(known, "parents", np.zeros_like(known.layout))
+    tables = knowledge(len(bank.objects))
+    known = replace(tables, parents=np.zeros_like(tables.layout))
     agent = new_agent(
         RunConfig(method, name, size=SMALL, predictor_hidden=8), bank.inputs, known, CPU
     )

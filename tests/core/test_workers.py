@@ -18,7 +18,7 @@ from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOption
 from cfnav_core.env import SceneBank
 from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
 from cfnav_core.train import train
-from cfnav_core.workers import EPS, Copy, Workers, parameters_of
+from cfnav_core.workers import EPS, Copy, Workers
 
 from .worlds import hall
 
@@ -63,7 +63,7 @@ def test_every_worker_steps_the_same_weights_as_adam_does(options):
     shared = Workers(run).shared
     reference = torch.optim.Adam(plain.model.parameters(), 1e-2, eps=EPS, amsgrad=True)
     agents = [Run(options).agent for _ in range(2)]
-    copies = [Copy(shared.policy, parameters_of(a)[0], 1e-2, 1.0) for a in agents]
+    copies = [Copy(shared.policy, a.parameters()[0], 1e-2, 1.0) for a in agents]
     for agent, copy in zip(agents, copies, strict=True):
         copy.fetch()
         for model in (agent.model, plain.model):

@@ -78,7 +78,7 @@ from sim_bridge.dataset import _keep
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, resource.RLIM_INFINITY))
 try:
     _keep(Path(sys.argv[1]), np.zeros(9000, np.uint8))
-except ValueError as error:
+except OSError as error:
     print(error)
 """
 
@@ -90,7 +90,7 @@ def test_a_full_disk_leaves_the_pictures_that_were_there(tmp_path):
         [sys.executable, "-c", FULL_DISK, str(tmp_path)],
         capture_output=True, text=True, check=True, timeout=60,
     )  # fmt: skip
-    assert done.stdout.startswith(f"found no way to write {tmp_path}/partial_pictures.npy (")
+    assert done.stdout.startswith(f"found no way to write {tmp_path}/pictures.npy (")
     assert done.stdout.endswith("); make room and run the same command again\n")
     assert [p.name for p in tmp_path.iterdir()] == [PICTURES]
     np.testing.assert_array_equal(np.load(tmp_path / PICTURES), np.ones(3))
