@@ -19,18 +19,13 @@ def model_card(head: BundleHead) -> str:
     t = head.training
     hp, size = t["config"]["hyperparameters"], t["config"]["size"]
     title = MODELS[t["config"]["model"]].title
-    others = [name for name in head.objects if name not in head.goals] if head.zero_shot else []
     lines = [
         f"# Model card: {head.name}",
         "",
         f"An object-goal navigation policy (model `{title}`, method "
         f"`{head.method}`) for a robot with one RGB camera at 1.3 m, 90 degrees, that tilts 30 "
         "degrees down. Goals: " + ", ".join(head.goals) + ".",
-        *(
-            ["", f"It also takes goals that it was not trained to find: {', '.join(others)}."]
-            if others
-            else []
-        ),
+        *_other_goals(head),
         "",
         "## How it was made",
         "",
@@ -55,6 +50,17 @@ def model_card(head: BundleHead) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _other_goals(head: BundleHead) -> list[str]:
+    others = [name for name in head.objects if head.zero_shot and name not in head.goals]
+    if not others:
+        return []
+    return [
+        "",
+        f"It also takes goals that it was not trained to find: {', '.join(others)}. Which of them "
+        "it was measured on stands below.",
+    ]
 
 
 def _measured(head: BundleHead) -> list[str]:

@@ -54,6 +54,8 @@ def made(tmp_path_factory) -> Callable[[str], tuple[Path, Path]]:
     def make(name: str) -> tuple[Path, Path]:
         if name == "shipped":
             return shipped_bundle() / WEIGHTS, shipped_bundle()
+        if (root / name).exists():
+            return root / f"{name}.safetensors", root / name
         checkpoint = save_fresh(root / f"{name}.safetensors", name, perception, CATEGORIES)
         export_bundle(checkpoint, perception, root / name, name)
         return checkpoint, root / name
@@ -81,22 +83,22 @@ class Recording:
         return pi, p_hat
 
 
-def evaluated(networks: Networks, room: Room, episode: Episodes, seed: int | None) -> Recording:
-    """One episode in evaluation; actions are drawn with a seed, argmax without."""
-    recording = Recording(networks)
-    run_episodes(recording, room.bank, episode, sample_seed=seed)
-    return recording
-
-
-def drive(policy: Policy, room: Room, episode: Episodes, actions: list[Action]) -> list[Decision]:
+def drive(
+    policy: Policy, room: Room, episode: Episodes, actions: list[Action], p_hat: str
+) -> list[Decision]:
     """Decisions from the start of an episode on, before and after each of the given actions."""
     bank, state = room.bank, int(episode.states[0])
+
+    def decision() -> Decision:
+        given = float(bank.collided[state]) if p_hat == "true" else None
+        return policy.act(np.asarray(room.pictures[state]), given)
+
     policy.reset(bank.objects[int(episode.goals[0])], bank.scenes[0].room_type)
-    decisions = [policy.act(np.asarray(room.pictures[state]))]
+    decisions = [decision()]
     for action in actions:
         policy.executed(action)
         state = int(bank.next_state[state, action])
-        decisions.append(policy.act(np.asarray(room.pictures[state])))
+        decisions.append(decision())
     return decisions
 
 
@@ -108,8 +110,9 @@ def assert_same(answers: list[tuple[np.ndarray, float]], decisions: list[Decisio
         assert decision.action == pi.argmax()
 
 
+@pytest.mark.parametrize("p_hat", ["own", "true"])
 @pytest.mark.parametrize("name", ["shipped", *sorted(MODELS)])
-def test_evaluation_onnx_and_torch_answer_alike(name, made, room):
+def test_evaluation_onnx_and_torch_answer_alike(name, p_hat, made, room):
     checkpoint, bundle = made(name)
     networks = Candidate.load(checkpoint).networks
     policies = [Policy.load(bundle, "onnx"), Policy.load(bundle, "torch")]
@@ -117,9 +120,11 @@ def test_evaluation_onnx_and_torch_answer_alike(name, made, room):
     for i in range(6):
         episode = Episodes(drawn.states[[i]], drawn.goals[[i]])
         # the shipped policy drives as it decides; those that learnt nothing would turn for ever
-        recording = evaluated(networks, room, episode, None if name == "shipped" else i)
+        recording, seed = Recording(networks), None if name == "shipped" else i
+        run_episodes(recording, room.bank, episode, seed, p_hat)
         for policy in policies:
-            assert_same(recording.answers, drive(policy, room, episode, recording.before[1:]))
+            decisions = drive(policy, room, episode, recording.before[1:], p_hat)
+            assert_same(recording.answers, decisions)
         answers += [pi for pi, _ in recording.answers]
     # what is compared says something: long enough, and not always the same answer
     assert len(answers) >= 12
