@@ -26,7 +26,7 @@ from cfnav_core.scene import PICTURES
 from cfnav_core.vocabulary import CATEGORIES
 from tests.core.model_samples import save_fresh
 
-TOLERANCE = 1e-4
+TOLERANCE = 1e-5
 """Of probabilities: sums in another order, over an episode of carried state."""
 
 
