@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import resource
+import shlex
 import sys
 import time
 from collections.abc import Callable
@@ -135,8 +136,8 @@ def run(options: Options) -> list[Figures]:
         )
         figures.append(f)
     if options.json is not None:
-        command = "python -m cfnav_core.bench_policy " + " ".join(sys.argv[1:])
-        write_json(options.json, {"command": command.strip(), "rows": [*map(asdict, figures)]})
+        command = shlex.join(["python", "-m", "cfnav_core.bench_policy", *sys.argv[1:]])
+        write_json(options.json, {"command": command, "rows": [*map(asdict, figures)]})
     return figures
 
 

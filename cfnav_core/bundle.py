@@ -82,7 +82,7 @@ class BundleHead:
             raise BundleError(
                 f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {remedy}"
             )
-        for name in (*NETWORKS, *(f for f in (WEIGHTS,) if f in head.files)):
+        for name in (*NETWORKS, WEIGHTS) if WEIGHTS in head.files else NETWORKS:
             path = folder / name
             found = file_hash(path) if path.is_file() else "nothing"
             if found != head.files.get(name):
