@@ -28,7 +28,7 @@ ROS_FILES |= {"bench.py"}
 # A robot needs none of these: only what trains or exports may import torch.
 TORCH_FREE = (
     "cfnav_core.policy", "cfnav_core.perception", "cfnav_core.bundle", "cfnav_core.cli",
-    "cfnav_core.metrics", "sim_bridge.world",
+    "cfnav_core.metrics", "cfnav_core.bench_policy", "sim_bridge.world",
 )  # fmt: skip
 
 LOAD = """
