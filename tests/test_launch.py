@@ -190,7 +190,6 @@ def test_only_what_was_given_overrides_the_file(launch: Callable) -> None:
     policy = run.start("policy_node")
     assert len(policy["files"]) == 1
     assert not {"goal", "bundle"} & set(parameters(policy, "policy_node"))
-    assert "__ns" not in " ".join(policy["arguments"])
 
 
 def test_the_lidar_node_comes_back_and_the_velocity_owner_ends_everything(launch: Callable) -> None:

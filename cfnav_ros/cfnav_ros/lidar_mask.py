@@ -29,6 +29,9 @@ MIN_SCANS = 40
 MAX_SEEN = 0.05
 """Share of scans in which a hidden bearing may return something: ghosts at the edges of a post."""
 
+MIN_WIDTH_DEG = 2.0
+"""A narrower piece is a beam that happened to meet nothing; a post of 6 mm hides five degrees."""
+
 MAX_WIDTH_DEG = 45.0
 """A wider piece without returns is no part of the robot but a fault."""
 
@@ -96,7 +99,10 @@ def parameter_lines(sectors: Sequence[Sector]) -> str:
 
 
 def _hidden(scans: Sequence[Scan], mount_yaw_deg: float) -> np.ndarray:
-    """Whether a bearing was looked at and hardly ever returned anything: bool [360 / BIN_DEG]."""
+    """Whether a bearing hardly ever returned anything: bool [360 / BIN_DEG].
+
+    A bearing between two beams, at which nobody looked, is as the beam before it.
+    """
     bins = round(360.0 / BIN_DEG)
     looked, seen = np.zeros(bins, int), np.zeros(bins, int)
     for scan in scans:
@@ -107,17 +113,20 @@ def _hidden(scans: Sequence[Scan], mount_yaw_deg: float) -> np.ndarray:
         valid = (ranges >= scan.range_min) & (ranges <= scan.range_max)
         np.add.at(looked, index, 1)
         np.add.at(seen, index, valid)
-    return (looked > 0) & (seen <= MAX_SEEN * looked)
+    hidden = (looked > 0) & (seen <= MAX_SEEN * looked)
+    # Twice around, so that the first bearings find their beam at the end of the circle.
+    beam = np.where(np.tile(looked > 0, 2), np.arange(2 * bins), 0)
+    return hidden[np.maximum.accumulate(beam)[bins:] % bins]
 
 
 def _runs(hidden: np.ndarray) -> list[tuple[int, int]]:
-    """First bin and number of bins of each run around the circle, a degree or longer."""
+    """First bin and number of bins of each run around the circle, MIN_WIDTH_DEG or longer."""
     if hidden.all():
         return [(0, hidden.size)]
     start = int(np.argmin(hidden))  # a bin that is no part of a run
     edges = np.diff(np.r_[0, np.roll(hidden, -start).astype(int), 0])
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    shortest = round(1.0 / BIN_DEG)
+    shortest = round(MIN_WIDTH_DEG / BIN_DEG)
     return [
         (int(b) + start, int(e - b)) for b, e in zip(begins, ends, strict=True) if e - b >= shortest
     ]
