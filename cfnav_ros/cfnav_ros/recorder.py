@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -106,15 +107,14 @@ class Recorder:
         self._thread.start()
 
     @property
-    def total(self) -> int:
-        """How many messages have been written."""
+    def counts(self) -> Counter[str]:
+        """How many messages of each topic have been written, by resolved names."""
         self._raise_error()
-        return self._writer.counts.total()
+        return self._writer.counts.copy()
 
     def count(self, topic: str) -> int:
         """Return how many messages of a topic have been written; the name as in ``TOPICS``."""
-        self._raise_error()
-        return self._writer.counts[self._node.resolve_topic_name(topic)]
+        return self.counts[self._node.resolve_topic_name(topic)]
 
     def wait_for(self, topic: str, count: int, deadline_s: float = 10.0) -> bool:
         """Wait until a topic has at least so many messages; false when the deadline passed."""

@@ -42,10 +42,13 @@ def main(args: list[str] | None = None) -> int:
         rclpy.try_shutdown()
         return 2
     try:
+        heard: set[str] = set()
         while not stop:
             time.sleep(0.1)
-            _ = recorder.total  # raises what its thread met
-        total = recorder.total
+            for topic in sorted(set(recorder.counts) - heard):
+                heard.add(topic)
+                print(f"recording {topic}", flush=True)
+        total = recorder.counts.total()
         recorder.close()
     except Exception as error:
         print(f"{NODE_NAME}: the bag could not be written: {error}", file=sys.stderr)
