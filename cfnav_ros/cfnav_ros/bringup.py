@@ -192,11 +192,16 @@ class Tail:
         return [f"{self._name}: {line}" for line in whole.decode(errors="replace").splitlines()]
 
 
-def main() -> None:
-    """Run the command line: 0 on Ctrl-C, 1 with one sentence when a node ended or could not run."""
+def parse(arguments: Sequence[str]) -> Robot | Simulation:
+    """Read a command line; one that makes no sense ends the process as tyro does."""
     robot = Annotated[Robot, tyro.conf.subcommand("robot")]
     simulation = Annotated[Simulation, tyro.conf.subcommand("simulation")]
-    config = tyro.cli(robot | simulation, prog="bringup", description=__doc__)  # type: ignore[call-overload]
+    return tyro.cli(robot | simulation, prog="bringup", args=arguments)  # type: ignore[call-overload]
+
+
+def main() -> None:
+    """Run the command line: 0 on Ctrl-C, 1 with one sentence when a node ended or could not run."""
+    config = parse(sys.argv[1:])
     environment = dict(os.environ)
     INTERRUPT.catch()
     try:
