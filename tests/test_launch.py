@@ -28,8 +28,9 @@ FILES = sorted((BRINGUP / "launch").glob("*.launch.py"))
 DOCUMENTS = ("README.md", "docs/robot.md", *(str(p.relative_to(ROOT)) for p in FILES))
 
 STAND_IN = """#!{python}
-import json, os, signal, sys
+import json, os, signal, sys, time
 from pathlib import Path
+parent = os.getppid()
 settings = {{k: v for k, v in os.environ.items() if k.startswith(("ROS_", "FASTRTPS_"))}}
 begun = {{"pid": os.getpid(), "arguments": sys.argv[1:], "environment": settings}}
 files = [a for a in sys.argv if a.endswith((".yaml", ".yml")) or "launch_params" in a]
@@ -37,8 +38,8 @@ begun["files"] = [Path(f).read_text() for f in files]
 signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
 with open({log!r}, "a") as file:
     file.write(json.dumps(begun) + "\\n")
-while True:
-    signal.pause()
+while os.getppid() == parent:
+    time.sleep(0.1)
 """
 
 LAUNCH = """
