@@ -198,7 +198,8 @@ def _sweep(
     gaps = _gaps(view, heading, math.pi / 2, view.known)
     hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
     way = free_way(turned, disc.radius + disc.margin).min(initial=limit)
-    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - errors.unseen), max(float(way), 0.0)
+    unseen = errors.unseen_near if way < disc.step + errors.overhang else errors.unseen
+    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(way), 0.0)
 
 
 def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
