@@ -14,47 +14,12 @@ from cfnav_ros.lidar import (
 from cfnav_ros.returns import Mount, distinct_returns
 from cfnav_ros.sweep import NOMINAL, ErrorModel, free_way, hidden_probability, seen_probability
 
+from tests.ros.lidar_scans import replaced, room, scan_of, wall_ahead
+
 DISC = SweptDisc()
 REACH = DISC.radius + DISC.margin
 NEAR = NOMINAL.unseen_near + 0.005
 """No less can be said of a free way beside things: some of them reach out above the plane."""
-
-
-def scan_of(distance, returns=360, copies=3):
-    """A scan like the A1 driver's: distance(bearing in the LiDAR's base-aligned frame) -> metres.
-
-    The LiDAR's own x-axis points left of the robot, so bearing 0 is laser angle -pi/2.
-    """
-    angle_min, angle_max = -3.12414, math.pi
-    count = returns * copies
-    increment = (angle_max - angle_min) / (count - 1)
-    centres = angle_min + (np.arange(returns) * copies + (copies - 1) / 2) * increment
-    values = np.array([distance(angle + math.pi / 2) for angle in centres], np.float32)
-    return Scan(np.repeat(values, copies), angle_min, angle_max, increment, 0.15, 12.0)
-
-
-def wall_ahead(base_x, else_at=3.0):
-    """A wall across the way at base_x in base_link, everything else 3 m away."""
-
-    def distance(bearing):
-        forward = math.cos(bearing)
-        return min((base_x + 0.04) / forward, else_at) if forward > 0.05 else else_at
-
-    return distance
-
-
-def room(bearing):
-    """Something at 3 m all round, never twice the same value."""
-    return 3.0 + 0.1 * math.sin(bearing)
-
-
-def replaced(scan, value, low_deg, high_deg):
-    """The scan with every beam between two bearings (base frame) set to a value."""
-    bearing = scan.angle_min + np.arange(scan.ranges.size) * scan.angle_increment + math.pi / 2
-    bearing = np.degrees((bearing + math.pi) % (2 * math.pi) - math.pi)
-    ranges = scan.ranges.copy()
-    ranges[(bearing >= low_deg) & (bearing <= high_deg)] = value
-    return dataclasses.replace(scan, ranges=ranges)
 
 
 @pytest.mark.parametrize("base_x", [0.25, 0.40, 0.55, 1.0])
@@ -91,7 +56,7 @@ def test_the_probability_of_one_point_by_hand():
 
 
 def test_a_grazed_point_is_uncertain_and_not_all_or_nothing():
-    """At 0.2 m a degree is 3.5 mm: a point at the hull's edge is touched under half of the turns."""
+    """At 0.2 m a degree is 3.5 mm: half of the turns touch at the hull's edge."""
     turning = dataclasses.replace(EXACT, heading_deg=1.0)
     assert one_point(0.20, 0.170) > 0.99
     assert one_point(0.20, 0.180) == 0.0
