@@ -150,7 +150,9 @@ def launch(prefix: Path, tmp_path: Path) -> Iterator[Callable[..., Launched]]:
 
     yield run
     for process in running:
-        process.end()
+        # Not SIGINT: launch takes that for Ctrl-C in a terminal, which its children hear too.
+        process.process.terminate()
+        process.wait()
 
 
 def parameters(start: dict, node: str) -> dict:
@@ -183,7 +185,9 @@ def test_robot_starts_both_nodes_with_the_file_and_what_was_given(launch: Callab
     mast = run.start("static_transform_publisher")["arguments"]
     assert mast[:2] == ["--z", "1.3"]
     assert not run.starts("rviz2")
-    assert run.process.interrupt() == 0
+    run.process.process.terminate()
+    assert run.process.wait() == 0
+    assert run.process.output.count("has finished cleanly") == 3
 
 
 def test_only_what_was_given_overrides_the_file(launch: Callable) -> None:

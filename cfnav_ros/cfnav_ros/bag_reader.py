@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -180,8 +180,11 @@ def _room_map(t_ns: int, m: Any) -> RoomMap:
 
 
 def _scan(m: Any) -> Scan:
-    """Return a LaserScan message; its fields are called the same."""
-    return Scan(**{field.name: getattr(m, field.name) for field in fields(Scan)})
+    """Return a LaserScan message."""
+    return Scan(
+        m.ranges, m.angle_min, m.angle_max, m.angle_increment, m.range_min, m.range_max,
+        m.header.frame_id,
+    )  # fmt: skip
 
 
 def _rgb(m: Any) -> np.ndarray:

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from cfnav_ros.lidar import Scan, SweptDisc
 from cfnav_ros.lidar_mask import Sector, own_sectors, parameter_lines, turned
+from sim_bridge.noise import Noise, NoiseLevels
 from sim_bridge.room import generate_room
 from sim_bridge.rplidar import (
     ANGLE_MAX,
@@ -31,12 +32,13 @@ SECOND = 1_000_000_000
 
 @pytest.fixture(scope="module")
 def scans() -> list[Scan]:
-    """One and a tenth turns on the spot in a furnished kitchen."""
+    """One and a tenth turns on the spot in a furnished kitchen, with the mock's noise."""
+    noise = Noise(NoiseLevels(), seed=5)
     world = World(generate_room("kitchen", 3))
     at = world.pose
     increment = (ANGLE_MAX - ANGLE_MIN) / (BINS - 1)
     return [
-        Scan(driver_ranges(world.scan(replace(at, yaw=float(yaw)))),
+        Scan(driver_ranges(noise.scan(world.scan(replace(at, yaw=float(yaw))))),
              ANGLE_MIN, ANGLE_MAX, increment, RANGE_MIN, RANGE_MAX)
         for yaw in TURN
     ]  # fmt: skip
