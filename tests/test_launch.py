@@ -28,9 +28,8 @@ FILES = sorted((BRINGUP / "launch").glob("*.launch.py"))
 DOCUMENTS = ("README.md", "docs/robot.md", *(str(p.relative_to(ROOT)) for p in FILES))
 
 STAND_IN = """#!{python}
-import json, os, signal, sys, time
+import json, os, signal, sys
 from pathlib import Path
-parent = os.getppid()
 settings = {{k: v for k, v in os.environ.items() if k.startswith(("ROS_", "FASTRTPS_"))}}
 begun = {{"pid": os.getpid(), "arguments": sys.argv[1:], "environment": settings}}
 files = [a for a in sys.argv if a.endswith((".yaml", ".yml")) or "launch_params" in a]
@@ -38,8 +37,8 @@ begun["files"] = [Path(f).read_text() for f in files]
 signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
 with open({log!r}, "a") as file:
     file.write(json.dumps(begun) + "\\n")
-while os.getppid() == parent:
-    time.sleep(0.1)
+while True:
+    signal.pause()
 """
 
 LAUNCH = """
@@ -55,7 +54,7 @@ sys.exit(service.run())
 """
 
 EXECUTABLES = {
-    "cfnav_ros": ("lidar_collision_node", "policy_node", "recorder_node"),
+    "cfnav_ros": ("lidar_collision_node", "policy_node", "recorder_node", "markers_node"),
     "sim_bridge": ("mock_turtlebot4",),
     "tf2_ros": ("static_transform_publisher",),
     "rviz2": ("rviz2",),
@@ -150,8 +149,7 @@ def launch(prefix: Path, tmp_path: Path) -> Iterator[Callable[..., Launched]]:
 
     yield run
     for process in running:
-        # Not SIGINT: launch takes that for Ctrl-C in a terminal, which its children hear too.
-        process.process.terminate()
+        process.process.kill()  # the stand-ins end with it: that is tested below
         process.wait()
 
 
@@ -185,9 +183,6 @@ def test_robot_starts_both_nodes_with_the_file_and_what_was_given(launch: Callab
     mast = run.start("static_transform_publisher")["arguments"]
     assert mast[:2] == ["--z", "1.3"]
     assert not run.starts("rviz2")
-    run.process.process.terminate()
-    run.process.wait()
-    assert run.process.output.count("has finished cleanly") == 3
 
 
 def test_only_what_was_given_overrides_the_file(launch: Callable) -> None:
@@ -208,6 +203,31 @@ def test_the_lidar_node_comes_back_and_the_velocity_owner_ends_everything(launch
     run.process.wait()
     assert re.search(r"policy_node-\d+\] was required", run.process.output)
     assert len(run.starts("policy_node")) == 1
+
+
+def interrupt(pids: list[int]) -> None:
+    for pid in pids:
+        os.kill(pid, signal.SIGINT)
+
+
+def test_ctrl_c_in_a_terminal_ends_it_cleanly(launch: Callable) -> None:
+    run = launch("robot.launch.py", "params:=turtlebot4_mast.yaml")
+    nodes = [run.start(name)["pid"] for name in ("policy_node", "lidar_collision_node")]
+    run.process.wait_for_line("policy_node-.*started")
+    interrupt([run.process.process.pid, *nodes])  # as a terminal does: the whole group
+    assert run.process.wait() == 0
+    assert run.process.output.count("has finished cleanly") == 2
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGKILL])
+def test_nodes_end_with_a_launch_that_is_killed(launch: Callable, sign: int) -> None:
+    run = launch("simulation.launch.py")
+    names = ("mock_turtlebot4", "policy_node", "lidar_collision_node")
+    nodes = [run.start(name)["pid"] for name in names]
+    run.process.process.send_signal(sign)
+    run.process.wait()
+    for pid in nodes:
+        wait_until(lambda pid=pid: not Path(f"/proc/{pid}/exe").exists(), "the end of a node")
 
 
 def test_a_parameter_file_that_is_not_there_is_a_sentence(launch: Callable) -> None:
@@ -232,6 +252,7 @@ def test_simulation_stays_on_this_machine(launch: Callable) -> None:
     for start in (mock, policy, run.start("lidar_collision_node")):
         assert start["environment"]["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
         assert "ROS_DISCOVERY_SERVER" not in start["environment"]
+    run.start("markers_node")
     layout = run.start("rviz2")["arguments"][1]
     assert Path(layout).name == "cfnav.rviz"
     assert Path(layout).is_file()

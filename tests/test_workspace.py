@@ -43,6 +43,7 @@ EXECUTABLES = [
     ("cfnav_ros", "recorder_node"),
     ("cfnav_ros", "bringup"),
     ("cfnav_ros", "lidar_mask"),
+    ("cfnav_ros", "markers_node"),
     ("cfnav_ros", "bag_eval"),
     ("cfnav_ros", "demo"),
     ("sim_bridge", "mock_turtlebot4"),

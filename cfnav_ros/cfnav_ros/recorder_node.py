@@ -56,6 +56,7 @@ def main(args: list[str] | None = None) -> int:
         return 1
     finally:
         rclpy.try_shutdown()
+        stop.ignore()
     print(f"{total} messages recorded", flush=True)
     return 0
 

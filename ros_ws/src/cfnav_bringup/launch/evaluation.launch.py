@@ -33,6 +33,7 @@ ARGUMENTS = (
 )
 
 ROBOT = str(Path(__file__).with_name("robot.launch.py"))
+ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"  # as in robot.launch.py
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
 
 REPLAYED = (
@@ -61,9 +62,11 @@ def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
         Node(
             package="cfnav_ros",
             executable="recorder_node",
+            exec_name="recorder_node",
             namespace=given["namespace"],
             parameters=[bag],
             output="screen",
+            prefix=ENDS_WITH_LAUNCH,
             on_exit=Shutdown(),
         ),
         IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed]),
@@ -81,7 +84,13 @@ def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     return [
         SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
         *(UnsetEnvironmentVariable(name) for name in ELSEWHERE),
-        ExecuteProcess(cmd=play, name="player", output="screen", on_exit=Shutdown()),
+        ExecuteProcess(
+            cmd=play,
+            name="player",
+            output="screen",
+            prefix=ENDS_WITH_LAUNCH,
+            on_exit=Shutdown(),
+        ),
         IncludeLaunchDescription(ROBOT, launch_arguments=arguments.items()),
     ]
 

@@ -34,7 +34,10 @@ ARGUMENTS = (
 
 # tf2's own nodes and RViz use absolute names, which a namespace would not move.
 TF = [("/tf", "tf"), ("/tf_static", "tf_static")]
-SHOWN = ("scan", "odom", "oakd/rgb/preview/image_raw")
+SHOWN = ("scan", "odom", "oakd/rgb/preview/image_raw", "policy/markers")
+
+# Launch that is ended by SIGTERM or SIGKILL leaves its nodes running: these ask for an interrupt.
+ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"
 
 
 def parameter_file(given: str) -> str:
@@ -50,7 +53,12 @@ def parameter_file(given: str) -> str:
 def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes for the arguments given."""
     given = context.launch_configurations
-    common = {"namespace": given["namespace"], "output": "screen", "remappings": TF}
+    common = {
+        "namespace": given["namespace"],
+        "output": "screen",
+        "remappings": TF,
+        "prefix": ENDS_WITH_LAUNCH,
+    }
     parameters: list = [parameter_file(given["params"])]
     if given["use_sim_time"]:
         parameters.append({"use_sim_time": given["use_sim_time"] == "true"})
@@ -58,6 +66,7 @@ def nodes(context: LaunchContext) -> list[Node]:
         Node(
             package="cfnav_ros",
             executable="lidar_collision_node",
+            exec_name="lidar_collision_node",
             parameters=parameters,
             respawn=True,
             respawn_delay=2.0,
@@ -70,6 +79,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             Node(
                 package="cfnav_ros",
                 executable="policy_node",
+                exec_name="policy_node",
                 parameters=[*parameters, *([chosen] if chosen else [])],
                 on_exit=Shutdown(),
                 **common,
@@ -79,7 +89,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 
 def viewers(given: dict[str, str], common: dict) -> list[Node]:
-    """Make the optional nodes: the mast's transform and RViz."""
+    """Make the optional nodes: the mast's transform, RViz and what draws for it."""
     made = []
     if given["mast_height"]:
         frames = ["--frame-id", "base_link", "--child-frame-id", "mast_camera_link"]
@@ -87,6 +97,7 @@ def viewers(given: dict[str, str], common: dict) -> list[Node]:
             Node(
                 package="tf2_ros",
                 executable="static_transform_publisher",
+                exec_name="static_transform_publisher",
                 name="mast_transform_publisher",
                 arguments=["--z", given["mast_height"], *frames],
                 **common,
@@ -96,9 +107,18 @@ def viewers(given: dict[str, str], common: dict) -> list[Node]:
         layout = get_package_share_path("cfnav_bringup") / "rviz" / "cfnav.rviz"
         shown = [*TF, *((f"/{topic}", topic) for topic in SHOWN)]
         rviz = {**common, "remappings": shown}
-        made.append(
-            Node(package="rviz2", executable="rviz2", arguments=["-d", str(layout)], **rviz)
-        )
+        made += [
+            Node(
+                package="cfnav_ros", executable="markers_node", exec_name="markers_node", **common
+            ),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                exec_name="rviz2",
+                arguments=["-d", str(layout)],
+                **rviz,
+            ),
+        ]
     return made
 
 

@@ -32,6 +32,7 @@ ARGUMENTS = (
 
 PASSED_ON = ("params", "namespace", "bundle", "goal", "rviz")
 TYPES = {"room": str, "seed": int, "speed": float, "faults": str}
+ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"  # as in robot.launch.py
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
 
 
@@ -54,9 +55,11 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     mock = Node(
         package="sim_bridge",
         executable="mock_turtlebot4",
+        exec_name="mock_turtlebot4",
         namespace=given["namespace"],
         parameters=[str(params), *([chosen] if chosen else [])],
         output="screen",
+        prefix=ENDS_WITH_LAUNCH,
         on_exit=Shutdown(),
     )
     robot = IncludeLaunchDescription(
