@@ -20,7 +20,10 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 from cfnav_ros.bringup import Part, Robot, Simulation, parameter_file, parts, unreachable  # noqa: E402
 from cfnav_ros.parameters import LidarParameters, PolicyParameters, declare  # noqa: E402
 from cfnav_ros.processes import GraphError  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 from sim_bridge.parameters import read_parameters  # noqa: E402
 
@@ -224,6 +227,53 @@ def test_simulation_drives_in_a_namespace_and_ctrl_c_ends_it_in_zeros(
     sent = velocities(tmp_path / "bag")
     assert max(v for v, _ in sent) > 0.1
     assert sent[-1] == (0.0, 0.0)
+
+
+@pytest.fixture
+def wait_until_driving(ros_domain_id: int) -> Iterator[Callable[[], None]]:
+    """A function that returns when the odometry of the test's domain says that it drives."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain_id)
+    node = Node("passer_by", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    speeds = [0.0]
+    node.create_subscription(
+        Odometry, "odom", lambda m: speeds.append(m.twist.twist.linear.x), qos_profile_sensor_data
+    )
+
+    def driving() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        return speeds[-1] > 0.1
+
+    yield lambda: wait_until(driving, "a robot that drives", 120)
+    executor.shutdown()
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def test_ctrl_c_while_a_robot_drives_stands_it_still(
+    start_process: Callable, eager_bundle: Path, wait_until_driving: Callable, tmp_path: Path
+) -> None:
+    mock = start_process("sim_bridge.mock_turtlebot4", "--ros-args", "-p", "room:=bathroom:20")
+    mock.wait_for_line("^mock_turtlebot4 ready", 120)
+    file = tmp_path / "robot.yaml"  # the mast's, in the mock's time
+    text = (CONFIG / "turtlebot4_mast.yaml").read_text()
+    file.write_text(text.replace("use_sim_time: false", "use_sim_time: true"))
+    process = start_process(
+        *("cfnav_ros.bringup", "robot", "--params", str(file), "--goal", "Sink"),
+        *("--bundle", str(eager_bundle), "--bag", str(tmp_path / "bag")),
+        *("--logs", str(tmp_path / "logs")),
+    )
+    process.wait_for_line("^recorder_node: recording to", 120)
+    wait_until_driving()
+    assert process.interrupt() == 0, process.output
+    assert "Sink: aborted" in process.output
+    assert "The policy node was stopped." in process.output
+    sent = velocities(tmp_path / "bag")
+    assert max(v for v, _ in sent) > 0.05
+    zeros = next(i for i, velocity in enumerate(reversed(sent)) if velocity != (0.0, 0.0))
+    assert zeros >= 8  # half a second at 20 Hz, less what the recorder may miss
 
 
 def test_bringup_ends_when_a_node_dies(
