@@ -138,7 +138,7 @@ def test_a_part_in_front_is_one_sector_and_ghosts_do_not_hide_it() -> None:
 def test_a_robot_without_parts_in_the_way_has_an_empty_mask() -> None:
     assert own_sectors(plain((90,)), 7.0, 0.0) == []
     disc = SweptDisc(**yaml.safe_load(parameter_lines([]))["disc"])
-    assert disc.mask_bearings.size == 0
+    assert len(disc.mask_bearings) == 0
 
 
 def test_turning_back_and_forth_is_no_whole_turn() -> None:
