@@ -229,6 +229,27 @@ def test_simulation_drives_in_a_namespace_and_ctrl_c_ends_it_in_zeros(
     assert sent[-1] == (0.0, 0.0)
 
 
+def stock_robot(start_process: Callable, *parameters: str) -> None:
+    """Start a TurtleBot 4 as sold: its camera, and system time."""
+    given = ("room:=bathroom:20", "camera:=preview", "clock:=system", *parameters)
+    arguments = [word for parameter in given for word in ("-p", parameter)]
+    mock = start_process("sim_bridge.mock_turtlebot4", "--ros-args", *arguments)
+    mock.wait_for_line("^mock_turtlebot4 ready", 120)
+
+
+def test_a_docked_robot_is_refused_with_a_sentence(
+    start_process: Callable, eager_bundle: Path, tmp_path: Path
+) -> None:
+    stock_robot(start_process, "docked:=true")
+    process = start_process(
+        *("cfnav_ros.bringup", "robot", "--params", str(CONFIG / "turtlebot4_stock.yaml")),
+        *("--goal", "Sink", "--bundle", str(eager_bundle), "--logs", str(tmp_path / "logs")),
+    )
+    told = process.wait_for_line("^policy_node: .*Sink: refused after 0 decisions. (.*)$", 120)
+    assert told[1] == "The robot sits on its dock: undock it first."
+    assert process.interrupt() == 0
+
+
 @pytest.fixture
 def wait_until_driving(ros_domain_id: int) -> Iterator[Callable[[], None]]:
     """A function that returns when the odometry of the test's domain says that it drives."""
@@ -255,13 +276,10 @@ def wait_until_driving(ros_domain_id: int) -> Iterator[Callable[[], None]]:
 def test_ctrl_c_while_a_robot_drives_stands_it_still(
     start_process: Callable, eager_bundle: Path, wait_until_driving: Callable, tmp_path: Path
 ) -> None:
-    mock = start_process("sim_bridge.mock_turtlebot4", "--ros-args", "-p", "room:=bathroom:20")
-    mock.wait_for_line("^mock_turtlebot4 ready", 120)
-    file = tmp_path / "robot.yaml"  # the mast's, in the mock's time
-    text = (CONFIG / "turtlebot4_mast.yaml").read_text()
-    file.write_text(text.replace("use_sim_time: false", "use_sim_time: true"))
+    stock_robot(start_process)
+    file = str(CONFIG / "turtlebot4_stock.yaml")
     process = start_process(
-        *("cfnav_ros.bringup", "robot", "--params", str(file), "--goal", "Sink"),
+        *("cfnav_ros.bringup", "robot", "--params", file, "--goal", "Sink"),
         *("--bundle", str(eager_bundle), "--bag", str(tmp_path / "bag")),
         *("--logs", str(tmp_path / "logs")),
     )
@@ -271,6 +289,7 @@ def test_ctrl_c_while_a_robot_drives_stands_it_still(
     assert "Sink: aborted" in process.output
     assert "The policy node was stopped." in process.output
     sent = velocities(tmp_path / "bag")
+    assert "/clock" not in [topic for topic, count in counts(tmp_path / "bag").items() if count]
     assert len(sent) >= 8  # half a second at 20 Hz, less what a busy machine loses
     assert set(sent[-8:]) == {(0.0, 0.0)}
 
