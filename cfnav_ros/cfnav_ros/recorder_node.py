@@ -19,6 +19,9 @@ from cfnav_ros.parameters import declare
 from cfnav_ros.recorder import NODE_NAME, Recorder
 from cfnav_ros.stop_signal import StopSignal
 
+LINGER_S = 1.0
+"""Recorded after the signal: under launch the policy node gets it too, and ends in zeros."""
+
 
 @dataclass(frozen=True)
 class RecorderParameters:
@@ -48,6 +51,7 @@ def main(args: list[str] | None = None) -> int:
             for topic in sorted(set(recorder.counts) - heard):
                 heard.add(topic)
                 print(f"recording {topic}", flush=True)
+        time.sleep(LINGER_S)
         total = recorder.counts.total()
         recorder.close()
     except Exception as error:
