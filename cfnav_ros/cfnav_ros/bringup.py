@@ -96,7 +96,7 @@ def parameter_file(given: str, environment: Mapping[str, str] = os.environ) -> P
         if path.is_file():
             return path.resolve()
     shipped = sorted({path.name for folder in folders for path in folder.glob("*.yaml")})
-    known = f"one of {', '.join(shipped)}" if shipped else "build and source ros_ws for those"
+    known = f"one of {', '.join(shipped)}" if shipped else "a name that a built ros_ws brings"
     raise GraphError(f"--params is {given!r}, expected a file or {known}")
 
 

@@ -116,7 +116,7 @@ def test_a_shipped_file_is_found_by_its_name(tmp_path: Path) -> None:
     assert found == folder / "robot.yaml"
     with pytest.raises(GraphError, match=r"'ship.yaml', expected a file or one of robot\.yaml"):
         parameter_file("ship.yaml", {"AMENT_PREFIX_PATH": str(tmp_path)})
-    with pytest.raises(GraphError, match="build and source ros_ws"):
+    with pytest.raises(GraphError, match="a name that a built ros_ws brings"):
         parameter_file("ship.yaml", {})
 
 
