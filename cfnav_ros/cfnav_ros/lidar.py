@@ -68,7 +68,7 @@ class SweptDisc:
     Sources: the mounting is the TurtleBot 4's URDF, the radius Nav2's ``robot_radius`` for it and
     the hull of the built-in rooms. ``margin`` belongs to the published clearance, which guards a
     motion under way, and not to the probability. An unknown arc of ``blind_arc_deg`` hides
-    something 0.25 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
+    something 0.2 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
     bracket stand at the bearings of ``mask_bearings_deg`` (turtlebot4_description).
     """
 
@@ -101,7 +101,7 @@ class SweptDisc:
         default=0.8, metadata={"help": "less known is DEGRADED", "min": 0.0, "max": 1.0}
     )
     blind_arc_deg: float = field(
-        default=30.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
+        default=25.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
     )
     good_arc_deg: float = field(
         default=10.0, metadata={"help": "longer unknown arc: DEGRADED", "min": 0.0, "max": 360.0}
@@ -266,10 +266,10 @@ def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
     middle, width = wrap(gaps[:, 0] - math.pi * back), gaps[:, 1]
     if half >= math.pi:  # all round: nothing to cut off
         return np.stack([middle - width / 2, middle + width / 2], axis=1)
-    # A wide gap may reach into the sector from either side.
-    middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
-    width = np.tile(width, 3) / 2
-    begin, end = np.maximum(middle - width, -half), np.minimum(middle + width, half)
+    if width.max(initial=0.0) > math.pi:  # it may reach into the sector from the other side
+        middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
+        width = np.tile(width, 3)
+    begin, end = np.maximum(middle - width / 2, -half), np.minimum(middle + width / 2, half)
     inside = end > begin
     return np.stack([begin[inside], end[inside]], axis=1)
 
