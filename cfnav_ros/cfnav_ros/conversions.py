@@ -10,19 +10,25 @@ from functools import partial
 import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.action import NavigateToObject
-from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, MotionEstimate, PolicyDecision
+from cfnav_interfaces.msg import Moment as MomentMessage
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, TwistStamped
 from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
 from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import Image, JointState, LaserScan
 from std_msgs.msg import Header
 
+from cfnav_ros.diagnostics import Report
 from cfnav_ros.episode import Episode, StepRecord
 from cfnav_ros.inputs import Frame, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Scan, Verdict
+from cfnav_ros.lock_step import Moment
 from cfnav_ros.motion import Command, Odometry
-from cfnav_ros.preflight import Endpoint
+from cfnav_ros.preflight import Endpoint, Source
 
 CHANNELS = {
     "rgb8": (0, 1, 2),
@@ -109,7 +115,9 @@ def stamp_to_seconds(stamp: Time) -> float:
 
 def frame_from_message(message: Image) -> Frame:
     """The picture, to be decoded by whoever looks at it: most are never looked at."""
-    return Frame(stamp_to_ns(message.header.stamp), partial(image_to_rgb, message))
+    stamp = stamp_to_ns(message.header.stamp)
+    decode = partial(image_to_rgb, message)
+    return Frame(stamp, decode, message.height, message.width, message.data)
 
 
 def scan_from_message(message: LaserScan) -> Scan:
@@ -121,6 +129,7 @@ def scan_from_message(message: LaserScan) -> Scan:
         message.angle_increment,
         message.range_min,
         message.range_max,
+        message.header.frame_id,
     )
 
 
@@ -133,6 +142,15 @@ def estimate_to_message(estimate: Estimate, stamp: Time) -> CollisionEstimate:
         verdict=int(estimate.verdict),
         reason=estimate.reason,
         known_fraction=estimate.known_fraction,
+        others=[
+            MotionEstimate(
+                motion=other.motion,
+                probability=other.probability,
+                clearance=other.clearance,
+                verdict=int(other.verdict),
+            )
+            for other in estimate.others
+        ],
     )
 
 
@@ -192,6 +210,18 @@ def bump_from_message(message: HazardDetectionVector) -> float | None:
     return stamp_to_seconds(message.header.stamp)
 
 
+def front_bump_from_message(message: HazardDetectionVector) -> float | None:
+    """When a zone of the bumper that faces forward was pressed, seconds; None when none was.
+
+    A detection that does not name its zone may be any.
+    """
+    for hazard in message.detections:
+        zone = hazard.header.frame_id
+        if hazard.type == HazardDetection.BUMP and ("front" in zone or not zone):
+            return stamp_to_seconds(message.header.stamp)
+    return None
+
+
 def twist(command: Command) -> Twist:
     """A velocity as geometry_msgs/Twist."""
     message = Twist()
@@ -209,15 +239,64 @@ def endpoints(infos: Iterable[TopicEndpointInfo]) -> list[Endpoint]:
     return [Endpoint(info.node_name, info.topic_type) for info in infos]
 
 
-def decision(record: StepRecord, goal: str, now: Time) -> PolicyDecision:
-    """A decision as it is published before it is executed."""
+def moment_from_message(message: MomentMessage) -> Moment:
+    """A moment of a simulator in lock-step."""
+    return Moment(
+        stamp_to_ns(message.stamp),
+        stamp_to_ns(message.image),
+        stamp_to_ns(message.scan),
+        stamp_to_ns(message.odometry),
+    )
+
+
+def sources(infos: Iterable[TopicEndpointInfo], listener: Subscription) -> list[Source]:
+    """Publishers of a topic as the graph knows them, and whether a subscription hears them."""
+    found = []
+    for info in infos:
+        compatibility, reason = qos_check_compatible(info.qos_profile, listener.qos_profile)
+        clash = reason if compatibility == QoSCompatibility.ERROR else ""
+        found.append(Source(info.node_name, info.topic_type, clash))
+    return found
+
+
+def type_name(message: type) -> str:
+    """The name of a message type as the graph has it, such as sensor_msgs/msg/Image."""
+    return f"{message.__module__.split('.')[0]}/msg/{message.__name__}"
+
+
+def diagnostics(reports: Iterable[Report], node: str, now: Time) -> DiagnosticArray:
+    """Rows of /diagnostics; node is the full name of the one that they are about."""
+    rows = [
+        DiagnosticStatus(
+            name=f"{node}: {report.name}",
+            hardware_id=node,
+            level=bytes([report.level]),
+            message=report.message,
+            values=[KeyValue(key=key, value=value) for key, value in report.values.items()],
+        )
+        for report in reports
+    ]
+    return DiagnosticArray(header=Header(stamp=now), status=rows)
+
+
+def decision(record: StepRecord, goal: str, now: Time, zero_ns: int = 0) -> PolicyDecision:
+    """A decision as it is published before it is executed.
+
+    Args:
+        record: what was decided.
+        goal: what is looked for.
+        now: stamp of the message.
+        zero_ns: node time from which the record's stamps count, nanoseconds.
+    """
     made = record.decision
     return PolicyDecision(
         header=Header(stamp=now, frame_id="base_link"),
         goal=goal,
         step=record.step,
-        image_stamp=ns_to_stamp(record.image_stamp_ns),
-        estimate_stamp=ns_to_stamp(record.estimate_stamp_ns),
+        image_stamp=ns_to_stamp(record.image_stamp_ns + zero_ns),
+        estimate_stamp=ns_to_stamp(
+            record.estimate_stamp_ns + zero_ns if record.estimate_stamp_ns else 0
+        ),
         action=int(made.action),
         action_probabilities=np.asarray(made.probabilities, np.float32),
         collision_probability=float(made.collision_probability),
@@ -248,6 +327,8 @@ def status(episode: Episode, phase: int, bundle: str, now: Time) -> EpisodeStatu
         message=episode.message,
         steps=episode.steps,
         path_length=episode.track.path_length,
+        vetoes=episode.vetoes,
+        bumps=episode.track.bumps,
     )
 
 

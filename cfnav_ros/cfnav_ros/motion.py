@@ -8,10 +8,11 @@ is carried into the next.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from cfnav_core.actions import STEP_M, TURN_RAD, Action
+from cfnav_ros.settings import setting
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class Status(Enum):
     DRIVING = "driving"
     SUCCEEDED = "succeeded"
     BLOCKED = "blocked"
+    STALLED = "stalled"
+    PUSHED = "pushed"
     TIMEOUT = "timeout"
     ODOM_JUMP = "odometry jumped"
 
@@ -51,25 +54,31 @@ class Status(Enum):
 class MotionLimits:
     """Speeds and tolerances of the executor.
 
-    Sources: speeds stay under the Create 3's 0.306 m/s, 0.9 m/s^2 and 1.9 rad/s because a mast
-    sways; floors and tolerances are those of its own drive actions; deadlines are three times the
-    nominal duration.
+    Sources:
+        Ranges end at what the base can do: 0.306 m/s, 0.9 m/s^2, 1.9 rad/s (create3_docs
+        ``safety.md``) and 7.7 rad/s^2 in place (create3_sim ``control.yaml``).
+        Defaults of speeds and accelerations stay below that because a mast sways: at 0.20 m/s the
+        robot stops within 0.08 m, reaction included.
+        ``v_min``, ``w_min`` and the tolerances are those of the base's own drive actions
+        (create3_sim ``drive_goal_behaviors.cpp``).
+        Deadlines are three times the nominal durations, 1.65 s for 0.25 m and 1.3 s for 45 degrees.
+        ``stall_time`` goes with ``STALL_M`` and ``STALL_RAD``: creeping at ``v_min`` makes more.
     """
 
-    v_max: float = field(default=0.20, metadata={"help": "top speed, m/s"})
-    v_min: float = field(default=0.05, metadata={"help": "creep speed, m/s"})
-    a_lin: float = field(default=0.5, metadata={"help": "acceleration, m/s^2"})
-    w_max: float = field(default=1.0, metadata={"help": "top turn rate, rad/s"})
-    w_min: float = field(default=0.1, metadata={"help": "creep turn rate, rad/s"})
-    a_ang: float = field(default=2.0, metadata={"help": "turn acceleration, rad/s^2"})
-    tolerance_m: float = field(default=0.005, metadata={"help": "end of a MoveAhead, m"})
-    tolerance_deg: float = field(default=0.5, metadata={"help": "end of a turn, deg"})
-    move_deadline: float = field(default=5.0, metadata={"help": "s"})
-    turn_deadline: float = field(default=4.0, metadata={"help": "s"})
-    stall_time: float = field(default=1.0, metadata={"help": "no progress for this long, s"})
-    latency: float = field(default=0.05, metadata={"help": "until a command takes effect, s"})
-    heading_gain: float = field(default=2.0, metadata={"help": "rad/s per rad while driving"})
-    hold_rate: float = field(default=0.5, metadata={"help": "most of the heading hold, rad/s"})
+    v_max: float = setting(0.20, "top speed, m/s", 0.01, 0.306, live=True)
+    v_min: float = setting(0.05, "creep speed, m/s", 0.01, 0.306)
+    a_lin: float = setting(0.5, "acceleration, m/s^2", 0.05, 0.9)
+    w_max: float = setting(1.0, "top turn rate, rad/s", 0.05, 1.9, live=True)
+    w_min: float = setting(0.1, "creep turn rate, rad/s", 0.05, 1.9)
+    a_ang: float = setting(2.0, "turn acceleration, rad/s^2", 0.1, 7.7)
+    tolerance_m: float = setting(0.005, "end of a MoveAhead, m", 0.001, 0.05)
+    tolerance_deg: float = setting(0.5, "end of a turn, deg", 0.1, 5.0)
+    move_deadline: float = setting(5.0, "s", 0.5, 60.0)
+    turn_deadline: float = setting(4.0, "s", 0.5, 60.0)
+    stall_time: float = setting(1.0, "no progress for this long, s", 0.2, 10.0)
+    latency: float = setting(0.05, "until a command takes effect, s", 0.0, 1.0)
+    heading_gain: float = setting(2.0, "rad/s per rad while driving", 0.0, 10.0)
+    hold_rate: float = setting(0.5, "most of the heading hold, rad/s", 0.0, 1.9)
 
     def __post_init__(self) -> None:
         for low, high in (("v_min", "v_max"), ("w_min", "w_max")):
@@ -96,6 +105,13 @@ STALL_RAD = math.radians(2.0)
 
 RETREAT = 1.5
 """Going back by this many stalls means that a reflex of the base has taken over."""
+
+OFF_LINE_M, OFF_LINE_RAD = 0.06, math.radians(30.0)
+"""Further from the line of a MoveAhead, or from the place of a turn, than the base can get by
+itself: it drifts millimetres, and starts at most 22.5 degrees off its grid heading."""
+
+ALIGN_RAD = math.radians(10.0)
+"""A MoveAhead that starts further off its grid heading (after a push) turns in place first."""
 
 
 def wrap(angle: float) -> float:
@@ -179,6 +195,7 @@ class Motion:
         self._t, self._speed = t, 0.0
         self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
         self._mark = (t, self.remaining(odometry))
+        self._aligned = bool(self._side)
         self._status = Status.DRIVING
 
     def remaining(self, odometry: Odometry) -> float:
@@ -209,10 +226,10 @@ class Motion:
         if not self._side:
             self.block("The bumper was hit.")
 
-    def block(self, reason: str) -> None:
-        """End the motion as BLOCKED: something outside of odometry says so."""
+    def block(self, reason: str, status: Status = Status.BLOCKED) -> None:
+        """End the motion: something outside of it says so."""
         if self._status is Status.DRIVING:
-            self._status, self.reason = Status.BLOCKED, reason
+            self._status, self.reason = status, reason
 
     def _judge(self, t: float, odometry: Odometry, remaining: float) -> Status:
         limits = self._limits
@@ -227,16 +244,28 @@ class Motion:
             return Status.SUCCEEDED
         if remaining > marked + RETREAT * stall:
             self.reason = f"The base backed off during {self.action.name}."
-            return Status.BLOCKED
+            return Status.PUSHED
+        if self._off_line(odometry):
+            self.reason = f"The base left its line during {self.action.name}."
+            return Status.PUSHED
         if marked - remaining >= stall:
             self._mark = (t, remaining)
         elif t - marked_t > limits.stall_time:
             self.reason = f"{self.action.name} made no progress for {limits.stall_time:g} s."
-            return Status.BLOCKED
+            return Status.STALLED
         if t > self._deadline:
             self.reason = f"{self.action.name} did not finish in time."
             return Status.TIMEOUT
         return Status.DRIVING
+
+    def _off_line(self, odometry: Odometry) -> bool:
+        """Whether the base is where its own drive cannot have brought it."""
+        dx, dy = odometry.x - self._start.x, odometry.y - self._start.y
+        if self._side:
+            return math.hypot(dx, dy) > OFF_LINE_M
+        aside = dy * math.cos(self._heading) - dx * math.sin(self._heading)
+        turned = abs(wrap(self._heading - odometry.yaw))
+        return abs(aside) > OFF_LINE_M or turned > OFF_LINE_RAD
 
     def _lag(self, t: float, odometry: Odometry) -> float:
         """Seconds from the sample until a command sent now takes effect."""
@@ -249,8 +278,13 @@ class Motion:
                 remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, lag
             )
             return Command(w=self._side * self._speed)
+        error = wrap(self._heading - odometry.yaw)
+        hold = max(-limits.hold_rate, min(limits.hold_rate, limits.heading_gain * error))
+        self._aligned = self._aligned or abs(error) <= ALIGN_RAD
+        if not self._aligned:
+            self._mark = (self._t, remaining)  # turning in place is no stall; the deadline counts
+            return Command(0.0, hold)
         self._speed = trapezoid(
             remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, lag
         )
-        hold = limits.heading_gain * wrap(self._heading - odometry.yaw)
-        return Command(self._speed, max(-limits.hold_rate, min(limits.hold_rate, hold)))
+        return Command(self._speed, hold)

@@ -12,91 +12,86 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Any
 
 import rclpy
-from cfnav_interfaces.action import NavigateToObject
-from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
-from geometry_msgs.msg import Twist, TwistStamped
-from irobot_create_msgs.msg import HazardDetectionVector
-from nav_msgs.msg import Odometry
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.action.server import ServerGoalHandle
+from cfnav_interfaces.msg import EpisodeStatus, Moment, MomentDone, PolicyDecision
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64
 
 from cfnav_core.policy import BundleError, Policy
 from cfnav_ros import conversions
-from cfnav_ros.clock_watch import ClockWatch, Standstill
+from cfnav_ros.clock_watch import Alarm, ClockWatch
+from cfnav_ros.diagnostics import (
+    Stopwatch,
+    base_report,
+    episode_report,
+    inference_report,
+    input_reports,
+)
 from cfnav_ros.episode import Episode, Phase, StepRecord
-from cfnav_ros.inputs import Inputs
-from cfnav_ros.motion import STOP, Command
+from cfnav_ros.goals import Goal, Goals
+from cfnav_ros.lock_step import Answer, LockStep
+from cfnav_ros.motion import STOP
 from cfnav_ros.parameters import PolicyParameters, declare
-from cfnav_ros.preflight import STAMPED, check_base
+from cfnav_ros.senses import Senses
 from cfnav_ros.stop_signal import StopSignal
+from cfnav_ros.velocity import Velocity
 
 GUARD_PERIOD_S = 0.1
 """Real time between looks at whether node time still runs."""
 
-BASE_CHECK_S = 0.5
-"""Real time between looks at who else is on cmd_vel."""
+DIAGNOSTICS_S = 1.0
+"""Real time between two messages on /diagnostics."""
 
 BURST_S = 0.6
 """How long zeros are sent before the process ends: a base may miss single ones."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """The goal that is being served and its episode."""
-
-    goal: ServerGoalHandle
-    episode: Episode
-
-
 class PolicyNode(Node):
-    """Serves ``navigate_to_object`` with one policy on one base."""
+    """Serves ``navigate_to_object`` and ``policy/goal`` with one policy on one base.
+
+    A plain node, not a lifecycle one: it does nothing to the base before a goal comes, so an
+    "inactive" state would only add two calls to what a user must do first.
+    """
 
     def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
-        self._settings = declare(self, PolicyParameters)
-        self._policy = Policy.load(self._settings.bundle or None)
+        settings = self._settings = declare(self, PolicyParameters, self._adopt)
+        # Only what was asked for is passed on: "onnx" is every version's default.
+        backend = {"backend": settings.backend} if settings.backend != "onnx" else {}
+        self._policy = Policy.load(settings.bundle or None, **backend)
         self._worker = ThreadPoolExecutor(1, "policy")
-        self._run: Run | None = None
-        self._next: ServerGoalHandle | None = None
-        self._inputs = Inputs()
-        self._velocity: Publisher | None = None
-        self._closing = False
-        self._base_checked_at = 0.0
-        self._clock_watch = ClockWatch(
-            self._settings.clock_timeout, self._settings.episode.preflight_timeout
+        self._episode: Episode | None = None
+        self._begun_at = 0.0
+        self._velocity = Velocity(self, settings)
+        self._lock_step = (
+            LockStep(settings.episode.lidar, settings.episode.has_tilt)
+            if settings.lock_step
+            else None
         )
+        self._senses = Senses(self, settings, self._poke)
+        self._clock_watch = ClockWatch(settings.clock_timeout, settings.episode.preflight_timeout)
         self._create_publishers()
-        self._create_subscriptions()
-        self._timer = self.create_timer(1.0 / self._settings.rate, self._tick, autostart=False)
-        self._guard = self.create_timer(
-            GUARD_PERIOD_S, self._watch_clock, clock=Clock(clock_type=ClockType.STEADY_TIME),
-            autostart=False,
-        )  # fmt: skip
+        self._timer = self.create_timer(1.0 / settings.rate, self._tick, autostart=False)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        watch = self._advance if self._lock_step else self._watch_clock
+        self.create_timer(GUARD_PERIOD_S, watch, clock=steady)
+        self._inferences = Stopwatch()
+        self.create_timer(DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._answered = self.create_guard_condition(self._poke)
-        self._server = ActionServer(
-            self,
-            NavigateToObject,
-            "navigate_to_object",
-            execute_callback=self._settle_goal,
-            goal_callback=self._admit,
-            handle_accepted_callback=self._accept,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-        )
+        self._all_here = self.create_guard_condition(self._act_on_moment)
+        self._goals = Goals(self, self._begin, self._preempt)
         self._announce()
+        if settings.goal:
+            self._goals.add(Goal(settings.goal))
 
     # Topics
 
@@ -104,230 +99,218 @@ class PolicyNode(Node):
         self._decisions = self.create_publisher(PolicyDecision, "policy/decision", 50)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._episodes = self.create_publisher(EpisodeStatus, "policy/episode", latched)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._tilts = self.create_publisher(Float64, "camera_tilt/command", 10)
-
-    def _create_subscriptions(self) -> None:
-        newest = qos_profile_sensor_data
-        only_newest = QoSProfile(depth=1, reliability=newest.reliability)
-        image_topic = self._settings.image_topic
-        self._images = self.create_subscription(Image, image_topic, self._on_image, only_newest)
-        self.create_subscription(CollisionEstimate, "collision/estimate", self._on_estimate, 5)
-        self.create_subscription(Odometry, "odom", self._on_odometry, newest)
-        self.create_subscription(JointState, "joint_states", self._on_joints, newest)
-        self.create_subscription(
-            HazardDetectionVector, "hazard_detection", self._on_hazards, newest
-        )
+        if self._lock_step:
+            latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._moments_done = self.create_publisher(MomentDone, "simulator/moment_done", latched)
+            self.create_subscription(Moment, "simulator/moment", self._on_moment, latched)
 
     def _announce(self) -> None:
         episode = self._settings.episode
         probability = "collision/estimate" if episode.lidar else "the bundle's own predictor"
+        veto = "on" if episode.lidar and episode.veto else "off"
         self.get_logger().info(
-            f"Bundle {self._policy.name} drives. Pictures from {self._images.topic_name}, "
-            f"collision probability from {probability}, LiDAR veto "
-            f"{'on' if episode.lidar and episode.veto else 'off'}, velocities to "
-            f"{self.resolve_topic_name('cmd_vel')}. "
+            f"Bundle {self._policy.name} drives. Pictures from "
+            f"{self._senses.image_topic}, collision probability from {probability}, "
+            f"LiDAR veto {veto}, velocities to {self._velocity.topic}. "
             f"Goals: {', '.join(self._policy.goals)}."
         )
 
-    def _on_image(self, message: Image) -> None:
-        self._take("frame", conversions.frame_from_message, message)
-        self._poke()
-
-    def _on_estimate(self, message: CollisionEstimate) -> None:
-        self._take("estimate", conversions.estimate_from_message, message)
-        self._poke()
-
-    def _on_odometry(self, message: Odometry) -> None:
-        self._take("odometry", conversions.odometry_from_message, message)
-
-    def _on_joints(self, message: JointState) -> None:
-        self._take("tilt", conversions.tilt_from_message, message, self._settings.tilt_joint)
-
-    def _on_hazards(self, message: HazardDetectionVector) -> None:
-        self._take("bumped_at", conversions.bump_from_message, message)
-
-    def _take(self, name: str, convert: Callable[..., Any], *message: Any) -> None:
-        """Keep a message; one that makes no sense is left out, so that its input grows old."""
-        try:
-            value = convert(*message)
-        except ValueError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=2.0)
-        else:
-            if value is not None:  # None: it speaks of something else
-                self._inputs = replace(self._inputs, **{name: value})
-
     # Goals
 
-    def _admit(self, _: NavigateToObject.Goal) -> GoalResponse:
-        # A goal that cannot be met is accepted and then refused: only a result carries a sentence.
-        return GoalResponse.REJECT if self._closing else GoalResponse.ACCEPT
+    def _adopt(self, settings: PolicyParameters) -> None:
+        """Take changed parameters for the next episode; what runs keeps those it began with."""
+        self._settings = settings
 
-    def _accept(self, goal: ServerGoalHandle) -> None:
-        if self._run is None:
-            self._begin(goal)
-            return
-        self._run.episode.finish("preempted", "A newer goal came.")
-        if self._next is not None:
-            self._resolve(self._next, NavigateToObject.Result(
-                outcome="preempted", message="A newer goal came."))  # fmt: skip
-        self._next = goal
-
-    def _begin(self, goal: ServerGoalHandle) -> None:
-        request, limits = goal.request, self._settings.episode
-        if request.max_steps:
-            limits = replace(limits, max_steps=request.max_steps)
-        episode = Episode(
-            request.goal, self._policy, self._submit, limits, time_limit=request.time_limit
+    def _begin(self, goal: Goal) -> None:
+        limits = self._settings.episode
+        if goal.max_steps:
+            limits = replace(limits, max_steps=goal.max_steps)
+        self._episode = Episode(
+            goal.name, self._policy, self._submit, limits, time_limit=goal.time_limit
         )
-        self._run = Run(goal, episode)
-        self._clock_watch.restart(time.monotonic())
-        self._base_checked_at = 0.0
-        self._timer.reset()
-        self._guard.reset()
-        self._publish_status(episode, EpisodeStatus.STARTED)
-        self.get_logger().info(f"Looking for {request.goal}.")
+        self._begun_at = time.monotonic()
+        self._clock_watch.restart(self._begun_at)
+        self._velocity.restart()
+        if self._lock_step:
+            self._lock_step.restart()
+        else:
+            self._timer.reset()
+        self._publish_status(self._episode, EpisodeStatus.STARTED)
+        self.get_logger().info(f"Looking for {goal.name}.")
 
-    def _end(self, run: Run) -> None:
+    def _preempt(self, reason: str) -> None:
+        if self._episode is not None:
+            self._episode.finish("preempted", reason)
+
+    def _end(self, episode: Episode) -> None:
         """Tell everybody how the episode ended and take the next goal, if any."""
-        episode = run.episode
         self._timer.cancel()
-        self._guard.cancel()
+        self._episode = None
         self._publish_status(episode, EpisodeStatus.ENDED)
         self.get_logger().info(
             f"{episode.goal}: {episode.outcome} after {episode.steps} decisions. {episode.message}"
         )
-        self._resolve(run.goal, conversions.result(episode))
-        self._run = None
-        if self._next is not None:
-            goal, self._next = self._next, None
-            self._begin(goal)
-
-    def _resolve(self, goal: ServerGoalHandle, result: NavigateToObject.Result) -> None:
-        # Executed only now that the result is known: a coroutine that waits for it would keep
-        # rclpy's executor spinning, a blocking callback would cost a thread.
-        goal.execute(partial(self._settle_goal, result=result))
-
-    def _settle_goal(
-        self, goal: ServerGoalHandle, result: NavigateToObject.Result
-    ) -> NavigateToObject.Result:
-        if result.outcome == "done":
-            goal.succeed()
-        elif result.outcome == "canceled":
-            goal.canceled()
-        else:
-            goal.abort()
-        return result
+        self._goals.end(conversions.result(episode))
 
     # Driving
 
     def _submit(self, function: Any, *args: Any) -> Future:
-        future = self._worker.submit(function, *args)
-        future.add_done_callback(lambda _: self._answered.trigger())
+        future = self._worker.submit(self._inferences.timed(function), *args)
+        if self._lock_step:
+            wait([future])
+        else:
+            future.add_done_callback(lambda _: self._answered.trigger())
         return future
 
     def _poke(self) -> None:
         """Go on at once where the episode waits for what has just come; turns keep to the timer."""
-        if self._run and self._run.episode.phase in (Phase.OBSERVE, Phase.THINK):
+        if self._lock_step:
+            self._advance()
+        elif self._episode and self._episode.phase in (Phase.OBSERVE, Phase.THINK):
             self._tick()
 
     def _tick(self) -> None:
-        run = self._run
-        if run is None:
-            return
-        if run.goal.is_cancel_requested:
-            run.episode.finish("canceled", "The client canceled the goal.")
+        if self._episode is not None and not self._check_time(self._episode):
+            self._update(self._episode)
+
+    def _update(self, episode: Episode) -> None:
         self._check_base()
-        now = self.get_clock().now()
-        output = run.episode.update(now.nanoseconds * 1e-9, self._inputs)
-        self._drive(output.command)
+        t, inputs = self._now_ns() * 1e-9, self._senses.inputs
+        if self._lock_step:
+            t, inputs = self._lock_step.present(inputs)
+        output = episode.update(t, inputs)
+        canceled = self._goals.canceled
+        if canceled:  # after the update: what goes wrong in the same moment is said first
+            episode.finish("canceled", "The goal was canceled.")
+        self._velocity.send(STOP if canceled else output.command)
         if output.tilt is not None:
             self._tilts.publish(Float64(data=output.tilt))
         if output.record is not None:
-            self._report(run, output.record)
-        if run.episode.ended:
-            self._end(run)
-
-    def _drive(self, command: Command) -> None:
-        if self._velocity is None:
-            return
-        if self._velocity.msg_type is Twist:
-            self._velocity.publish(conversions.twist(command))
-            return
-        now = self.get_clock().now().to_msg()
-        frame = self._settings.base_frame
-        self._velocity.publish(conversions.twist_stamped(command, now, frame))
+            self._report(episode, output.record)
+        if episode.ended:
+            self._end(episode)
 
     def _check_base(self) -> None:
-        """Look who is on cmd_vel, and make the publisher that its listener understands."""
-        if time.monotonic() - self._base_checked_at < BASE_CHECK_S:
-            return
-        self._base_checked_at = time.monotonic()
-        topic = self.resolve_topic_name("cmd_vel")
-        infos = self.get_publishers_info_by_topic(topic)
-        publishers = [(info.node_namespace, info.node_name) for info in infos]
-        me = (self.get_namespace(), self.get_name())
-        if self._velocity is not None and me in publishers:
-            publishers.remove(me)
-        base = check_base(
-            topic,
-            conversions.endpoints(self.get_subscriptions_info_by_topic(topic)),
-            [name for _, name in publishers],
-            self._settings.cmd_vel_type,
-            self._settings.allow_robot,
-            self._settings.other_publishers.split(),
-        )
-        self._inputs = replace(self._inputs, base=base)
-        if base.ready:
-            self._speak(TwistStamped if base.type == STAMPED else Twist)
-
-    def _speak(self, kind: type) -> None:
-        if self._velocity is not None:
-            if self._velocity.msg_type is kind:
-                return
-            self.destroy_publisher(self._velocity)
-        self._velocity = self.create_publisher(kind, "cmd_vel", 1)
-        self.get_logger().info(f"Sending {kind.__name__} to {self._velocity.topic_name}.")
+        base = self._velocity.check()
+        if base is not None:
+            self._senses.notice_base(base)
 
     def _watch_clock(self) -> None:
-        """Stop the robot when node time stands still, which stops every other watch."""
-        run = self._run
-        if run is None:
+        if self._episode is not None:
+            self._check_time(self._episode)
+
+    def _check_time(self, episode: Episode) -> bool:
+        """Stop the robot when node time stands still or leaps, which misleads every other watch.
+
+        Returns:
+            Whether that ended the episode for good.
+        """
+        watch = self._clock_watch
+        alarm = watch.look(time.monotonic(), self.get_clock().now().nanoseconds)
+        if alarm >= Alarm.STOP:
+            self._velocity.send(STOP)
+        if alarm >= Alarm.FAIL:
+            episode.fail(watch.reason)
+        if alarm >= Alarm.END:
+            self._end(episode)
+        return alarm >= Alarm.END
+
+    def _now_ns(self) -> int:
+        moment = self._lock_step.moment if self._lock_step else None
+        return moment.stamp_ns if moment else self.get_clock().now().nanoseconds
+
+    # Lock-step: the simulator stands until its moment is answered
+
+    def _on_moment(self, message: Moment) -> None:
+        self._lock_step.begin(conversions.moment_from_message(message))
+        self._advance()
+
+    def _advance(self) -> None:
+        """Act on the moment once all that belongs to it has come, base and publisher included."""
+        step, real = self._lock_step, time.monotonic()
+        if self._episode is None:
+            self._tell(step.say_idle(real))
             return
-        standstill = self._clock_watch.look(time.monotonic(), self.get_clock().now().nanoseconds)
-        if standstill >= Standstill.STOP:
-            self._drive(STOP)
-        if standstill >= Standstill.FAIL:
-            run.episode.fail("Node time stands still: is /clock published?")
-        if standstill >= Standstill.END:
-            self._end(run)
+        self._check_base()
+        patient = real - self._begun_at < self._settings.episode.preflight_timeout
+        settled = self._velocity.matched or self._senses.inputs.base.fault or not patient
+        if settled and step.complete(self._senses.inputs):
+            # Triggered, not called: what else has arrived (bumps, states) is taken in first.
+            self._all_here.trigger()
+        elif settled and step.lost(real):
+            self.get_logger().warning("Messages of a moment were lost: going on without them.")
+            self._velocity.send(STOP)
+            self._tell(step.answer(real))
+        else:
+            self._tell(step.repeat(real))
+
+    def _act_on_moment(self) -> None:
+        step, episode = self._lock_step, self._episode
+        if episode is None or not step.complete(self._senses.inputs):
+            return
+        self._update(episode)
+        if episode.phase is Phase.THINK:
+            self._update(episode)  # the answer is there: _submit waited for it
+        self._tell(step.answer(time.monotonic()))
+
+    def _tell(self, answer: Answer | None) -> None:
+        if answer is not None:
+            stamp = conversions.ns_to_stamp(answer.stamp_ns)
+            self._moments_done.publish(MomentDone(stamp=stamp, idle=answer.idle))
 
     # Reports
 
-    def _report(self, run: Run, record: StepRecord) -> None:
+    def _report(self, episode: Episode, record: StepRecord) -> None:
         """Publish a decision before it is executed."""
-        now = self.get_clock().now().to_msg()
-        self._decisions.publish(conversions.decision(record, run.episode.goal, now))
-        run.goal.publish_feedback(conversions.feedback(record, run.episode.track.path_length))
+        now = conversions.ns_to_stamp(self._now_ns())
+        zero_ns = (self._lock_step.zero_ns or 0) if self._lock_step else 0
+        self._decisions.publish(conversions.decision(record, episode.goal, now, zero_ns))
+        goal = self._goals.current
+        if goal is not None:
+            goal.tell(conversions.feedback(record, episode.track.path_length))
 
     def _publish_status(self, episode: Episode, phase: int) -> None:
-        now = self.get_clock().now().to_msg()
+        now = conversions.ns_to_stamp(self._now_ns())
         self._episodes.publish(conversions.status(episode, phase, self._policy.name, now))
 
-    def shut_down(self, wait: Callable[[float], None]) -> None:
+    def _diagnose(self) -> None:
+        now, limits = self.get_clock().now(), self._settings.episode
+        velocity, inputs, t = self._velocity, self._senses.inputs, now.nanoseconds * 1e-9
+        needed = (limits.lidar, limits.has_tilt)
+        reports = (
+            *input_reports(t, inputs, limits.ages, self._senses.rates(), *needed),
+            episode_report(self._episode),
+            inference_report(*self._inferences.percentiles_ms(), limits.think_timeout),
+            base_report(
+                inputs, velocity.topic, velocity.type, velocity.largest_gap, bool(self._episode)
+            ),
+        )
+        name = self.get_fully_qualified_name()
+        self._diagnostics.publish(conversions.diagnostics(reports, name, now.to_msg()))
+
+    # The end
+
+    def shut_down(self, spend: Callable[[float], None]) -> None:
         """Send zeros for long enough to arrive, end a running episode, and let the policy finish.
 
         Args:
-            wait: spends at most so many seconds, if possible serving what is still asked for.
+            spend: takes at most so many seconds, if possible serving what is still asked for.
         """
-        self._closing = True
+        self._velocity.send(STOP)
+        self._goals.close()
         end = time.monotonic() + BURST_S
-        if self._run is not None:
-            self._next = None
-            self._run.episode.fail("The policy node was stopped.")
-            self._end(self._run)
-        while self._velocity is not None and time.monotonic() < end:
-            self._drive(STOP)
-            wait(0.05)
+        if self._episode is not None:
+            self._episode.fail("The policy node was stopped.")
+            self._end(self._episode)
+        while self._velocity.speaks and time.monotonic() < end:
+            self._velocity.send(STOP)
+            try:
+                spend(0.05)
+            except Exception:  # another callback fails: the robot must be stopped all the same
+                traceback.print_exc()
+                spend = time.sleep
         self._worker.shutdown(wait=True, cancel_futures=True)
 
 
@@ -350,17 +333,17 @@ def main(args: list[str] | None = None) -> int:
         return 2
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    wait: Callable[[float], None] = executor.spin_once
+    spend: Callable[[float], None] = executor.spin_once
     try:
         while not stop:
             executor.spin_once(timeout_sec=0.1)
         return 0
     except Exception:
         traceback.print_exc()
-        wait = time.sleep
+        spend = time.sleep
         return 1
     finally:
-        node.shut_down(wait)
+        node.shut_down(spend)
         rclpy.try_shutdown()
 
 

@@ -29,6 +29,21 @@ class BaseLimits:
     """s after the last command received; then the base brakes to a stop."""
 
 
+@dataclass(frozen=True)
+class Motion:
+    """How the robot truly moves.
+
+    Attributes:
+        v: m/s forward.
+        w: rad/s counter-clockwise.
+        still_since: s of simulated time since when it has stood still; None while it moves.
+    """
+
+    v: float
+    w: float
+    still_since: float | None
+
+
 class Base:
     """Turns received commands into the velocity the wheels have at each moment.
 
@@ -43,9 +58,22 @@ class Base:
 
     def stop(self) -> None:
         """Forget every command and stand still at once, as a robot that was just put down."""
+        self.block()
+        self.forget()
+
+    def block(self) -> None:
+        """Stand still at once: the wheels cannot turn."""
         self._left = self._right = 0.0
+
+    def forget(self) -> None:
+        """Drop the command that was received last."""
         self._target = (0.0, 0.0)
         self._received = -math.inf
+
+    def stop_backing(self) -> None:
+        """Drop the command when it drives backward."""
+        if sum(self._target) < 0:
+            self.forget()
 
     def command(self, t: float, v: float, w: float) -> None:
         """Receive a velocity command.
@@ -62,19 +90,23 @@ class Base:
         self._target = self._wheels(v, w)
         self._received = t
 
-    def update(self, t: float, dt: float) -> tuple[float, float]:
+    def update(
+        self, t: float, dt: float, own: tuple[float, float] | None = None
+    ) -> tuple[float, float]:
         """Advance the wheels.
 
         Args:
             t: time at the beginning of the step, s.
             dt: length of the step, s.
+            own: m/s and rad/s of what the base does by itself, in place of any command.
 
         Returns:
             Forward speed in m/s and yaw rate in rad/s at the end of the step.
         """
         # Times are sums of steps: without the tolerance the stop would come a step late.
         expired = t - self._received >= self.limits.command_timeout - 1e-9
-        left, right = (0.0, 0.0) if expired else self._target
+        target = (0.0, 0.0) if expired else self._target
+        left, right = target if own is None else self._wheels(*own)
         change = max(abs(left - self._left), abs(right - self._right))
         allowed = self.limits.wheel_acceleration * dt
         share = 1.0 if change <= allowed else allowed / change
@@ -100,8 +132,8 @@ class Odometry:
     """The base's own account of where it is: frame ``odom``, zero where it was switched on.
 
     It adds up the motion made in the frame of the robot, so a robot that is lifted and put down
-    elsewhere goes on counting from where it was, as the real one does. The motion is the true
-    one; noise of wheels and gyroscope belongs on the arguments of ``move``.
+    elsewhere goes on counting from where it was, as the real one does. The motion is what the
+    sensors tell of the true one, see ``noise.Noise.count``.
     """
 
     def __init__(self) -> None:

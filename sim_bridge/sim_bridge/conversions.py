@@ -14,21 +14,27 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.msg import GroundTruth
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from irobot_create_msgs.msg import (
+    DockStatus,
+    HazardDetection,
+    HazardDetectionVector,
+    WheelStatus,
+)
 from nav_msgs.msg import OccupancyGrid, Odometry
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
 from sim_bridge import rplidar
 
 if TYPE_CHECKING:
     from sim_bridge.base import Odometry as BaseOdometry
+    from sim_bridge.camera import CameraSetUp
     from sim_bridge.simulator import Simulator
-    from sim_bridge.world import Contact
 
 CAMERA_FRAME = "oakd_rgb_camera_optical_frame"
-CAMERA_HEIGHT = 1.3
-"""m above the floor, in line with the mast."""
+
+SHELL_Z = 0.0942
+"""m; height of ``shell_link`` over ``base_link``."""
 
 _BUMPER_ZONES = (
     ("bump_right", -90.0, -54.0),
@@ -82,9 +88,10 @@ def image(rgb: np.ndarray, t: float) -> Image:
     return message
 
 
-def camera_info(size: int, t: float) -> CameraInfo:
-    """Intrinsics of a square picture of ``size`` pixels that spans 90 degrees, no distortion."""
-    focal, centre = size / 2, (size - 1) / 2
+def camera_info(set_up: CameraSetUp, t: float) -> CameraInfo:
+    """Intrinsics of a square picture without distortion."""
+    size = set_up.size
+    focal, centre = size * set_up.focal_share, (size - 1) / 2
     message = CameraInfo(header=header(t, CAMERA_FRAME), height=size, width=size)
     message.distortion_model = "plumb_bob"
     message.d = [0.0] * 5
@@ -99,7 +106,7 @@ def laser_scan(distances: np.ndarray, t: float) -> LaserScan:
 
     Args:
         distances: float32 [360], metres, by bearing; see ``rplidar.driver_ranges``.
-        t: simulated s.
+        t: s, when the turn began.
     """
     message = LaserScan(header=header(t, "rplidar_link"))
     message.angle_min, message.angle_max = rplidar.ANGLE_MIN, rplidar.ANGLE_MAX
@@ -138,51 +145,127 @@ def transform(
     return message
 
 
-def static_transforms(t: float) -> list[TransformStamped]:
-    """Where the sensors sit."""
+def static_transforms(set_up: CameraSetUp, t: float) -> list[TransformStamped]:
+    """Where the sensors sit; a camera that does not tilt is one of them."""
     optical = Quaternion(x=-0.5, y=0.5, z=-0.5, w=0.5)
-    return [
-        transform(t, "base_link", "shell_link", (0.0, 0.0, 0.0942)),
-        transform(t, "shell_link", "rplidar_link", (-0.04, 0.0, 0.0988), quaternion(math.pi / 2)),
+    transforms = [
+        transform(t, "base_link", "shell_link", (0.0, 0.0, SHELL_Z)),
+        transform(
+            t, "shell_link", "rplidar_link", (-0.04, 0.0, 0.193 - SHELL_Z), quaternion(math.pi / 2)
+        ),
         transform(t, "oakd_link", "oakd_rgb_camera_frame", (0.0, 0.0, 0.0)),
         transform(t, "oakd_rgb_camera_frame", CAMERA_FRAME, (0.0, 0.0, 0.0), optical),
     ]
+    if not set_up.tilts:
+        mount = (set_up.x, 0.0, set_up.z - SHELL_Z)
+        transforms.append(transform(t, "shell_link", "oakd_link", mount))
+    return transforms
 
 
-def moving_transforms(counted: BaseOdometry, tilt: float, t: float) -> list[TransformStamped]:
-    """Where the base is in ``odom``, and the camera on its tilt joint."""
+def moving_transforms(
+    counted: BaseOdometry, set_up: CameraSetUp, tilt: float, t: float
+) -> list[TransformStamped]:
+    """Where the base is in ``odom``, and the camera on its tilt joint if it has one."""
     at, rotation = (counted.x, counted.y, 0.0), quaternion(yaw=counted.yaw)
-    mount = (0.0, 0.0, CAMERA_HEIGHT)
-    return [
+    transforms = [
         transform(t, "odom", "base_footprint", at, rotation),
         transform(t, "odom", "base_link", at, rotation),
-        transform(t, "base_link", "oakd_link", mount, quaternion(pitch=-tilt)),
     ]
+    if set_up.tilts:
+        mount = (set_up.x, 0.0, set_up.z)
+        transforms.append(transform(t, "base_link", "oakd_link", mount, quaternion(pitch=-tilt)))
+    return transforms
 
 
-def joint_state(tilt: float, t: float) -> JointState:
-    """The camera's tilt joint, rad up positive."""
-    return JointState(header=header(t, "base_link"), name=["camera_tilt"], position=[tilt])
+def joint_state(set_up: CameraSetUp, tilt: float, t: float) -> JointState:
+    """The camera's tilt joint, rad up positive; without one the wheels, which nobody measures."""
+    message = JointState(header=header(t, "base_link"))
+    if set_up.tilts:
+        message.name, message.position = ["camera_tilt"], [tilt]
+    else:
+        message.name, message.position = ["left_wheel_joint", "right_wheel_joint"], [0.0, 0.0]
+    return message
 
 
-def hazards(contacts: Iterable[Contact], t: float) -> HazardDetectionVector:
-    """A BUMP for each zone of the bumper that is pressed; empty when none is."""
+def hazards(pressed: Iterable[float], backup_low: bool, t: float) -> HazardDetectionVector:
+    """What the base has detected; empty when nothing.
+
+    Args:
+        pressed: bearings of what presses the bumper, rad counter-clockwise from the front.
+        backup_low: whether little is left of the way that commands may drive backward.
+        t: s.
+
+    Returns:
+        A BUMP for each zone of the bumper that is pressed, then a BACKUP_LIMIT if there is one.
+    """
     message = HazardDetectionVector(header=header(t, "base_link"))
-    bearings = [math.degrees(c.bearing) for c in contacts if c.part == "hull"]
+    bearings = [math.degrees(bearing) for bearing in pressed]
     message.detections = [
         HazardDetection(header=header(t, zone), type=HazardDetection.BUMP)
         for zone, right, left in _BUMPER_ZONES
         if any(right <= bearing < left for bearing in bearings)
     ]
+    if backup_low:
+        limit = HazardDetection(header=header(t, "base_link"), type=HazardDetection.BACKUP_LIMIT)
+        message.detections.append(limit)
     return message
 
 
-def ground_truth(simulator: Simulator, goal_visible: bool) -> GroundTruth:
-    """What the simulator knows at its present time."""
-    message = GroundTruth(header=header(simulator.time, "room"))
-    pose, collisions = simulator.world.pose, simulator.collisions
+def wheel_status(enabled: bool, t: float) -> WheelStatus:
+    """Whether the wheels have power; the currents are nobody's concern here."""
+    return WheelStatus(header=header(t, "base_link"), wheels_enabled=enabled)
+
+
+def dock_status(docked: bool, t: float) -> DockStatus:
+    """Whether the robot sits on its dock; it sees none when it does not."""
+    return DockStatus(header=header(t, "base_link"), dock_visible=docked, is_docked=docked)
+
+
+def battery_state(docked: bool, t: float) -> BatteryState:
+    """A battery that is nearly full and charges on the dock: 14.4 V, 1.8 Ah as in create3_docs."""
+    charging = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+    draining = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    return BatteryState(
+        header=header(t, "base_link"),
+        voltage=16.0,
+        current=0.5 if docked else -0.5,
+        charge=1.62,
+        capacity=1.8,
+        design_capacity=1.8,
+        percentage=0.9,
+        power_supply_status=charging if docked else draining,
+        present=True,
+    )
+
+
+def imu(counted: BaseOdometry, velocity: tuple[float, float], t: float) -> Imu:
+    """The base's gyroscope and accelerometer: yaw and its rate, and gravity.
+
+    Accelerations along the floor are left out: nothing here is quick enough for them to matter.
+    """
+    message = Imu(header=header(t, "imu_link"), orientation=quaternion(yaw=counted.yaw))
+    message.angular_velocity.z = velocity[1]
+    message.linear_acceleration.z = 9.81
+    return message
+
+
+def ground_truth(simulator: Simulator, goal_visible: bool, epoch: float = 0.0) -> GroundTruth:
+    """What the simulator knows at its present time.
+
+    Args:
+        simulator: the robot in its world.
+        goal_visible: whether the episode's goal is in view.
+        epoch: s of node time at simulated time zero.
+    """
+    message = GroundTruth(header=header(epoch + simulator.time, "room"))
+    pose, collisions, motion = simulator.world.pose, simulator.collisions, simulator.motion
     message.x, message.y, message.tilt = pose.x, pose.y, pose.tilt
     message.yaw = math.remainder(pose.yaw, math.tau)
+    message.v, message.w = motion.v, motion.w
+    if motion.still_since is not None:
+        # A robot that rests from the very beginning does so since the first step: 0 means motion.
+        since = max(motion.still_since, simulator.world.timestep)
+        message.still_since = epoch + since
     message.in_contact = bool(collisions.contacts)
     message.contact_with = collisions.contacts[0].other if collisions.contacts else ""
     message.impact_speed = collisions.impact_speed

@@ -1,7 +1,6 @@
-"""The mock TurtleBot 4's node: topics, types, QoS, rates and frames of the real robot.
+"""The mock TurtleBot 4: one loop advances simulated time, draws and publishes.
 
-One loop advances simulated time, draws and publishes; ROS callbacks only hand it work, so the
-world and the camera belong to one thread.
+ROS callbacks only hand it work, so the world and the camera belong to one thread.
 """
 
 from __future__ import annotations
@@ -10,66 +9,67 @@ import queue
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import NoReturn
+from functools import partial
+from typing import Any, NoReturn
 
-import numpy as np
-from cfnav_interfaces.msg import GroundTruth
-from cfnav_interfaces.srv import EndEpisode, StartEpisode
-from geometry_msgs.msg import Twist, TwistStamped
-from irobot_create_msgs.msg import HazardDetectionVector
-from nav_msgs.msg import OccupancyGrid, Odometry
+from builtin_interfaces.msg import Time
+from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
-from std_msgs.msg import Float64
-from tf2_msgs.msg import TFMessage
 
-from cfnav_core.visibility import VISIBLE_DISTANCE_M
-from sim_bridge import conversions as to_msg
-from sim_bridge.camera import Camera
-from sim_bridge.grid import start_episode, state_grid
+from sim_bridge.base import Odometry
+from sim_bridge.broadcast_node import Broadcast
+from sim_bridge.fault_schedule import FaultSchedule, Order, read_schedule
+from sim_bridge.faults import COMMANDS, ODOM, SCAN
+from sim_bridge.lock_step import MOMENT_PERIOD, LockStep
 from sim_bridge.pacing import MAX_LAG_S, Every, Pacer
 from sim_bridge.parameters import read_parameters
-from sim_bridge.room import generate_room, parse_room
-from sim_bridge.rplidar import SCAN_PERIOD
-from sim_bridge.simulator import Simulator
-from sim_bridge.world import World
+from sim_bridge.robot_clock import RobotClock
+from sim_bridge.robot_node import CLOCK, TILT, RivalNode, RobotNode, settle_undock
+from sim_bridge.simulator_node import SimulatorNode
+from sim_bridge.stage import Stage
 
-CAMERA_PERIOD = 1.0 / 15.0
-STATE_PERIOD = 1.0 / 20.0
-MAP_RESOLUTION = 0.02
 DISCOVERY_S = 4.0
 """Wall time after which another robot in the domain has been heard of; Fast DDS announces a
 participant again every 3 s."""
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
+class Mock:
+    """The robot's node and the simulator's, and the loop that feeds them.
 
-class MockTurtleBot4(Node):
-    """The node, with its room built; ``set_up`` and ``run`` follow in the same thread.
+    ``set_up`` and ``run`` follow in the same thread.
 
     Raises:
         ValueError: with one sentence, for parameters that cannot be used.
     """
 
     def __init__(self) -> None:
-        super().__init__("mock_turtlebot4", automatically_declare_parameters_from_overrides=True)
         self._born = time.monotonic()
-        self.parameters = read_parameters(self)
-        self._pacer = Pacer(self.parameters.speed)
         self._inbox: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
-        self._advertise()
-        self._listen()
-        self._schedule = (
-            Every(STATE_PERIOD, self._publish_state),
-            Every(SCAN_PERIOD, self._publish_scan),
-            Every(CAMERA_PERIOD, self._publish_picture),
+        leave = self._hand_over
+        self.robot = RobotNode(
+            lambda v, w: leave(self._receive, COMMANDS, (v, w), self._drive),
+            lambda tilt: leave(self._receive, TILT, tilt, self._simulator.tilt_to),
+            lambda done: leave(self._lock.answer, _key(done.stamp), done.idle),
+            partial(leave, self._switch),
+            partial(leave, self._undock),
         )
-        world, self.camera = self._build(self.parameters.room)
-        self.simulator = Simulator(world)
-        self._seen: tuple[tuple, bool] = ((), False)
+        self.parameters = p = read_parameters(self.robot)
+        self.robot.connect(p.clock == "simulated", p.set_up.tilts, p.lock_step)
+        self.simulator_node = SimulatorNode(
+            leave, self._start_episode, self._end_episode, self._set_fault, p.lock_step
+        )
+        self._pacer = Pacer(p.speed)
+        self._lock = LockStep()
+        self._promise: Future = Future()
+        self._moments = Every(MOMENT_PERIOD, self._ask)
+        self._faults = FaultSchedule(read_schedule(p.faults) if p.faults else (), p.seed)
+        self._clock = RobotClock()
+        self._undocking: ServerGoalHandle | None = None
+        self._stage = Stage(p)
+        self._simulator = self._stage.simulator
+        self._out = Broadcast(
+            self.robot, self.simulator_node, self._stage, self._clock, self._faults, p
+        )
 
     def set_up(self) -> None:
         """Put the robot down and make sure that no other robot is about.
@@ -77,18 +77,12 @@ class MockTurtleBot4(Node):
         Raises:
             ValueError: with one sentence, when the parameters ask for what cannot be had.
         """
-        p = self.parameters
-        if p.goal:
-            start = start_episode(self.simulator.world, self.camera, p.goal, p.seed)
-            self.simulator.start_episode(p.goal, start)
-        elif p.start:
-            self._put_at(*p.start)
-        else:
-            self._put_anywhere()
-        if p.domain_guard:
+        self._stage.put_robot()
+        if self.parameters.domain_guard:
             self._refuse_company()
-        self._publish_map()
-        self._tf_static.publish(TFMessage(transforms=to_msg.static_transforms(0.0)))
+        self._restart_pace()
+        self._out.map()
+        self._out.mounts()
 
     @property
     def summary(self) -> str:
@@ -99,22 +93,20 @@ class MockTurtleBot4(Node):
 
     def run(self) -> NoReturn:
         """Advance simulated time and publish until the process is told to end."""
-        self._pacer.restart(self.simulator.time, time.monotonic())
+        self._restart_pace()
         while True:
             self._do_requests()
-            began = self.simulator.step()
-            self._publish(began)
-            ahead = self._pacer.ahead(self.simulator.time, time.monotonic())
-            if ahead > 0:
-                time.sleep(ahead)
-            elif ahead < -MAX_LAG_S:
-                self.get_logger().warning(
-                    f"the machine is too slow: simulated time stood for {-ahead:.1f} s",
-                    throttle_duration_sec=10.0,
-                )
+            if self._lock.stands:
+                continue
+            self._update_faults()
+            self._out.publish(self._simulator.step())
+            self._end_undocking()
+            if self.parameters.lock_step and self._moments.due(self._simulator.time):
+                self._ask()
+            self._keep_pace()
 
     def abort(self, error: Exception) -> None:
-        """Make the loop raise an error of the receiving thread: a deaf robot must not live on."""
+        """Make the loop raise an error of a receiving thread: a deaf robot must not live on."""
 
         def fail() -> None:
             raise error
@@ -123,186 +115,175 @@ class MockTurtleBot4(Node):
 
     def refuse_requests(self) -> None:
         """Answer no service call any more; for the end, when the loop no longer runs."""
+        self._promise.cancel()
         while not self._inbox.empty():
             self._inbox.get()[0].cancel()
 
+    @property
+    def nodes(self) -> tuple[Node, Node]:
+        """The nodes to spin, each in a thread of its own; the robot's first."""
+        return self.robot, self.simulator_node
+
     def close(self) -> None:
-        """Free the camera and the node; in the thread that ran the loop."""
-        self.camera.close()
-        self.destroy_node()
+        """Free the camera and the nodes; in the thread that ran the loop."""
+        self._stage.camera.close()
+        for node in (*self.nodes, self._out.rival):
+            if node is not None:
+                node.destroy_node()
 
-    def _build(self, room: str) -> tuple[World, Camera]:
-        world = World(generate_room(*parse_room(room)))
-        size = self.parameters.camera_size
-        return world, Camera(world, width=size, height=size)
+    # Time
 
-    def _advertise(self) -> None:
-        publish = self.create_publisher
-        self._clock_publisher = publish(Clock, "/clock", 10)
-        self._image = publish(Image, "oakd/rgb/preview/image_raw", 10)
-        self._camera_info = publish(CameraInfo, "oakd/rgb/preview/camera_info", 10)
-        self._scan = publish(LaserScan, "scan", 10)
-        self._odom = publish(Odometry, "odom", LATCHED)
-        self._tf = publish(TFMessage, "tf", 100)
-        self._tf_static = publish(TFMessage, "tf_static", LATCHED)
-        self._joints = publish(JointState, "joint_states", 10)
-        self._hazards = publish(HazardDetectionVector, "hazard_detection", 5)
-        self._truth = publish(GroundTruth, "ground_truth/state", 100)
-        self._map = publish(OccupancyGrid, "ground_truth/map", LATCHED)
+    def _keep_pace(self) -> None:
+        # Until the policy is there, time runs no faster than it can follow.
+        alone = self.parameters.lock_step and not self._lock.engaged
+        ahead = self._pacer.ahead(self._simulator.time, time.monotonic(), at_most=alone)
+        if ahead > 0:
+            time.sleep(ahead)
+        elif ahead < -MAX_LAG_S and not self._lock.engaged:
+            self._restart_pace()
+            self.robot.get_logger().warning(
+                f"the machine is too slow: simulated time stood for {-ahead:.1f} s",
+                throttle_duration_sec=10.0,
+            )
 
-    def _listen(self) -> None:
-        subscribe = self.create_subscription
-        subscribe(TwistStamped, "cmd_vel", self._on_stamped_velocity, NEWEST)
-        subscribe(Twist, "cmd_vel_unstamped", self._on_velocity, NEWEST)
-        subscribe(Float64, "camera_tilt/command", self._on_tilt, 10)
-        self.create_service(
-            StartEpisode, "simulator/start_episode", self._in_loop(self._start_episode)
-        )
-        self.create_service(EndEpisode, "simulator/end_episode", self._in_loop(self._end_episode))
+    def _restart_pace(self) -> None:
+        t = self._simulator.time
+        self._pacer.restart(t, time.monotonic())
+        if self.parameters.clock == "system":
+            self._clock.epoch = time.time() - t
 
-    def _on_stamped_velocity(self, message: TwistStamped) -> None:
-        self._on_velocity(message.twist)
+    def _ask(self) -> None:
+        """Let time stand until the moment is answered."""
+        announced = self._out.moment()
+        if announced is not None:
+            stamp, listeners = announced
+            self._lock.ask(_key(stamp), listeners)
 
-    def _on_velocity(self, twist: Twist) -> None:
-        self._hand_over(self.simulator.command, twist.linear.x, twist.angular.z)
-
-    def _on_tilt(self, message: Float64) -> None:
-        self._hand_over(self.simulator.tilt_to, message.data)
-
-    def _in_loop(self, answer: Callable) -> Callable:
-        """A service callback that waits until the loop has answered."""
-        return lambda request, response: self._hand_over(answer, request, response).result()
+    # Requests
 
     def _hand_over(self, action: Callable, *arguments: object) -> Future:
-        """Leave work for the loop; called from the executor's thread."""
+        """Leave work for the loop; called from an executor's thread."""
         task: Future = Future()
         self._inbox.put((task, action, arguments))
         return task
 
     def _do_requests(self) -> None:
-        while not self._inbox.empty():
-            task, action, arguments = self._inbox.get()
+        """Do what was handed over; while time stands, wait for it."""
+        while self._lock.stands or not self._inbox.empty():
+            try:
+                task, action, arguments = self._inbox.get(timeout=0.1)
+            except queue.Empty:
+                continue
             try:
                 task.set_result(action(*arguments))
             except BaseException:
                 task.cancel()
                 raise
 
-    def _start_episode(
-        self, request: StartEpisode.Request, response: StartEpisode.Response
-    ) -> StartEpisode.Response:
-        world, camera = self.simulator.world, self.camera
-        new_room = request.room != world.room.name
+    def _receive(self, topic: str, command: Any, obey: Callable[[Any], None]) -> None:
+        """Take what came in on a topic, as far as the faults let it."""
+        t = self._simulator.time
+        self._out.outbox.put(topic, command, obey, t)
+        self._out.outbox.release(t)
+
+    def _drive(self, command: tuple[float, float]) -> None:
+        self._simulator.command(*command)
+
+    def _switch(self, part: str, on: bool) -> None:
+        """Turn a part of the robot on or off; see ``RobotNode``."""
+        if part == "e_stop":
+            self._simulator.e_stop = on
+        elif part == "lidar":
+            self._out.lidar_on = on
+        else:
+            self._out.camera_on = on
+
+    def _undock(self, goal: ServerGoalHandle) -> None:
+        """Begin to leave the dock; a robot that is not on it, or is busy, refuses."""
+        docked = self._simulator.docked
+        if self._simulator.busy or not docked:
+            goal.execute(partial(settle_undock, left=False, docked=docked))
+            return
+        self._undocking = goal
+        self._simulator.undock()
+
+    def _end_undocking(self) -> None:
+        if self._undocking is not None and not self._simulator.busy:
+            docked = self._simulator.docked
+            self._undocking.execute(partial(settle_undock, left=not docked, docked=docked))
+            self._undocking = None
+
+    def _start_episode(self, request: Any, response: Any) -> Any:
+        """Answer at once; in lock-step when the policy has heard the sensors at the new place."""
+        if self._stage.start_episode(request, response):
+            self._out.map()
+        self._restart_pace()
+        if response.ok:
+            self._restart(request.seed)
+        if not (response.ok and self._lock.engaged):
+            return response
+        self._promise = promise = Future()
+        self._lock.begin(lambda: promise.set_result(response))
+        return promise
+
+    def _restart(self, seed: int) -> None:
+        """Let the robot's messages begin anew, so that an episode repeats itself."""
+        self._out.restart()
+        self._moments.restart(self._simulator.time)
+        self._faults.reseed(seed)
+        if self.parameters.lock_step:
+            # A carried robot counts on; but large sums have other last bits than small ones.
+            self._simulator.odometry = Odometry()
+
+    def _end_episode(self, _: Any, response: Any) -> Any:
+        self._stage.end_episode(response)
+        return response
+
+    # Faults
+
+    def _set_fault(self, request: Any, response: Any) -> Any:
         try:
-            if new_room:
-                world, camera = self._build(request.room)
-            start = start_episode(world, camera, request.goal, request.seed)
+            if request.active:
+                when = request.when or "now"
+                self._faults.order(Order(request.fault, when, duration=request.duration))
+            else:
+                self._faults.mend(request.fault)
         except ValueError as error:
-            if camera is not self.camera:
-                camera.close()
             response.message = str(error)
-            return response
-        finally:
-            self._pacer.restart(self.simulator.time, time.monotonic())
-        if new_room:
-            self.camera.close()
-            self.camera = camera
-            self.simulator.enter(world)
-            self._publish_map()
-        self.simulator.start_episode(request.goal, start)
-        response.ok = True
-        response.x, response.y, response.yaw = start.x, start.y, start.yaw
-        response.shortest_path = start.shortest_path
-        response.shortest_actions = start.shortest_actions
+        else:
+            response.ok = True
         return response
 
-    def _end_episode(
-        self, request: EndEpisode.Request, response: EndEpisode.Response
-    ) -> EndEpisode.Response:
-        goal = self.simulator.goal
-        try:
-            account = self.simulator.end_episode()
-        except RuntimeError as error:
-            response.message = str(error)
-            return response
-        response.ok = True
-        response.goal_visible = self.camera.goal_visible(goal)
-        response.collisions = account.collisions
-        response.path_length = account.path_length
-        response.shortest_path = account.shortest_path
-        return response
+    def _update_faults(self) -> None:
+        """Let faults begin and end, tell the parts that have them and announce them."""
+        t = self._simulator.time
+        changes = self._faults.update(t, self._simulator.motion)
+        if not changes:
+            return
+        active = self._faults.active
+        self._simulator.suffer(active)
+        self._clock.suffer(active, t)
+        self.robot.suffer(active)
+        self._let_rival(active & {"scan_rival", "cmd_rival"})
+        for name, holds in changes:
+            self._out.fault(name, holds)
 
-    def _publish(self, collision_began: bool) -> None:
-        """Publish what is due, the time first so that no stamp lies in a receiver's future.
-
-        A message on /clock every step would cost each Python node that listens a sixth of a core.
-        """
-        t = self.simulator.time
-        due = [every.action for every in self._schedule if every.due(t)]
-        if collision_began and self._publish_state not in due:
-            due.append(self._publish_contact)
-        if due:
-            self._clock_publisher.publish(Clock(clock=to_msg.stamp(t)))
-        for action in due:
-            action()
-
-    def _publish_state(self) -> None:
-        simulator = self.simulator
-        t, tilt = simulator.time, simulator.world.pose.tilt
-        self._odom.publish(to_msg.odometry(simulator.odometry, simulator.world.velocity, t))
-        moving = to_msg.moving_transforms(simulator.odometry, tilt, t)
-        self._tf.publish(TFMessage(transforms=moving))
-        self._joints.publish(to_msg.joint_state(tilt, t))
-        self._publish_contact()
-
-    def _publish_contact(self) -> None:
-        simulator = self.simulator
-        self._hazards.publish(to_msg.hazards(simulator.collisions.contacts, simulator.time))
-        self._truth.publish(to_msg.ground_truth(simulator, self._goal_visible()))
-
-    def _publish_scan(self) -> None:
-        self._scan.publish(to_msg.laser_scan(self.simulator.world.scan(), self.simulator.time))
-
-    def _publish_picture(self) -> None:
-        t = self.simulator.time
-        self._image.publish(to_msg.image(self.camera.rgb(), t))
-        self._camera_info.publish(to_msg.camera_info(self.parameters.camera_size, t))
-
-    def _publish_map(self) -> None:
-        grid = self.simulator.world.occupancy(MAP_RESOLUTION)
-        self._map.publish(to_msg.occupancy_grid(grid, MAP_RESOLUTION, self.simulator.time))
-
-    def _goal_visible(self) -> bool:
-        """Whether the episode's goal is in view; drawing to find out costs as much as a picture."""
-        if self.simulator.goal_distance() > VISIBLE_DISTANCE_M:
-            return False
-        pose = self.simulator.world.pose
-        here = tuple(round(value, 4) for value in (pose.x, pose.y, pose.yaw, pose.tilt))
-        key = (self.simulator.goal, id(self.camera), here)
-        if self._seen[0] != key:
-            self._seen = key, self.camera.goal_visible(self.simulator.goal)
-        return self._seen[1]
-
-    def _put_at(self, x: float, y: float, yaw: float) -> None:
-        world = self.simulator.world
-        inside = 0 < x < world.room.width and 0 < y < world.room.depth
-        if not (inside and world.free(x, y)):
-            raise ValueError(f"start ({x}, {y}) is not free in {world.room.name}; choose another.")
-        self.simulator.place(x, y, yaw)
-
-    def _put_anywhere(self) -> None:
-        """Put the robot on a reachable place of the grid, drawn from the seed."""
-        grid = state_grid(self.simulator.world)
-        state = np.random.default_rng(self.parameters.seed).integers(len(grid.next_state))
-        pose = grid.pose(int(state))
-        self.simulator.place(pose.x, pose.y, pose.yaw)
+    def _let_rival(self, faults: frozenset[str]) -> None:
+        if self._out.rival is not None:
+            self._out.rival.destroy_node()
+        self._out.rival = RivalNode(faults) if faults else None
 
     def _refuse_company(self) -> None:
         """Raise ValueError when somebody else plays the robot in this domain."""
         time.sleep(max(0.0, self._born + DISCOVERY_S - time.monotonic()))
-        for topic in ("odom", "scan", "/clock"):
-            if self.count_publishers(topic) > 1:
+        for topic in (ODOM, SCAN, CLOCK):
+            if self.robot.count_publishers(topic) > (topic in self.robot.out):
+                domain = self.robot.context.get_domain_id()
                 raise ValueError(
-                    f"another node publishes {topic} in ROS domain {self.context.get_domain_id()}; "
+                    f"another node publishes {topic} in ROS domain {domain}; "
                     "choose another ROS_DOMAIN_ID."
                 )
+
+
+def _key(stamp: Time) -> tuple[int, int]:
+    return stamp.sec, stamp.nanosec

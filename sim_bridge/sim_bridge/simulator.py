@@ -6,55 +6,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_bridge.base import Base, Odometry
+from sim_bridge.base import Base, Motion, Odometry
+from sim_bridge.collisions import Collisions
+from sim_bridge.noise import Noise, NoiseLevels
+from sim_bridge.own_motions import BackOff, BackupBuffer, Undock
 
 if TYPE_CHECKING:
     from sim_bridge.grid import Start
-    from sim_bridge.world import Contact, Pose, World
-
-COLLISION_GAP_S = 0.5
-"""Contacts less than this apart are one collision, s."""
+    from sim_bridge.world import Pose, World
 
 TILT_LIMIT_RAD = math.radians(30.0)
 """The camera's tilt mechanism turns this far up and down, rad."""
 
 
-class Collisions:
-    """Counts collisions in the contacts of successive steps."""
+STILL_SPEED, STILL_RATE = 0.005, 0.01
+"""m/s and rad/s; a robot below both stands still."""
 
-    def __init__(self) -> None:
-        self.count = 0
-        self.contacts: tuple[Contact, ...] = ()
-        """What touches at present."""
-        self.impact_speed = 0.0
-        """m/s at the onset of the present collision; 0 when nothing touches."""
-        self._last_touch = -math.inf
+PUSH = (-0.15 / math.sqrt(2) / 0.5, 0.15 / math.sqrt(2) / 0.5)
+"""m/s forward and to the left of ``base_pushed``, which lasts 0.5 s: 0.15 m back and sideways."""
 
-    def update(self, t: float, contacts: Sequence[Contact], speed: float) -> bool:
-        """Take the contacts after one step.
-
-        Args:
-            t: time, s.
-            contacts: whatever touches hull or mast.
-            speed: m/s of the robot before the step; at its end the impact has slowed it.
-
-        Returns:
-            Whether a new collision began.
-        """
-        self.contacts = tuple(contacts)
-        if not contacts:
-            self.impact_speed = 0.0
-            return False
-        began = t - self._last_touch >= COLLISION_GAP_S - 1e-9
-        self._last_touch = t
-        if began:
-            self.count += 1
-            self.impact_speed = speed
-        return began
+JUMP_M, JUMP_RAD = 0.5, math.pi / 2
+"""How far ``odom_jump`` and ``odom_turned`` put the odometry off."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +54,21 @@ class Simulator:
 
     Args:
         world: where the robot is; ``enter`` moves it to another.
+        noise: of wheels and odometry; none when None.
+        reflexes: whether the base backs off by itself when its bumper is pressed.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, noise: Noise | None = None, reflexes: bool = False) -> None:
+        self.noise = noise or Noise(NoiseLevels().scaled(0.0), 0)
+        self._reflexes = reflexes
+        self._own: BackOff | Undock | None = None
         self.base = Base()
         self.odometry = Odometry()
         self.steps = 0
+        self.e_stop = False
+        """Whether somebody has cut the drive power."""
+        self.trouble: frozenset[str] = frozenset()
+        """Names in ``faults.FAULTS`` of what holds now; see ``suffer``."""
         self.enter(world)
 
     @property
@@ -92,10 +76,67 @@ class Simulator:
         """Simulated time, s."""
         return self.steps * self.world.timestep
 
+    @property
+    def wheels_enabled(self) -> bool:
+        """Whether the wheels have power."""
+        return not (self.e_stop or "e_stop" in self.trouble)
+
+    @property
+    def docked(self) -> bool:
+        """Whether the robot sits on its dock."""
+        return self._on_dock or "docked" in self.trouble
+
+    @property
+    def backup_low(self) -> bool:
+        """Whether little or nothing is left of the way that commands may drive backward."""
+        return self._backup.low
+
+    @property
+    def busy(self) -> bool:
+        """Whether the base does something by itself and hears no command."""
+        return self._own is not None or "base_busy" in self.trouble
+
+    def dock(self) -> None:
+        """Let the robot sit on a dock where it is."""
+        self._on_dock = True
+
+    def undock(self) -> None:
+        """Begin to leave the dock; ``busy`` until that is done."""
+        self._own = Undock()
+
+    @property
+    def motion(self) -> Motion:
+        """How the robot truly moves."""
+        return Motion(*self.world.velocity, self._still_since)
+
+    @property
+    def twist(self) -> tuple[float, float]:
+        """The velocity that the base reports: m/s forward, rad/s."""
+        slips = "base_slip" in self.trouble
+        return self.noise.twist(*(self._wheels if slips else self.world.velocity))
+
+    def pressed(self) -> list[float]:
+        """Bearings of what presses the bumper, rad counter-clockwise from the front.
+
+        The mast and the rear half have no bumper.
+        """
+        bearings = [c.bearing for c in self.collisions.contacts if c.part == "hull"]
+        stuck = [0.0] if "bumper_stuck" in self.trouble else []
+        return stuck + [b for b in bearings if abs(b) <= math.pi / 2]
+
     def _rest(self) -> None:
         self.base.stop()
+        self._own = None
+        self._was_pressed = False
+        self._on_dock = False
+        self._backup = BackupBuffer()
+        self._moved = (0.0, 0.0)
+        self._wheels = (0.0, 0.0)
         self._speed = 0.0
+        self._still_since: float | None = self.time
         self.tilt_target = 0.0
+        self.tilt_rate = 0.0
+        """rad/s of the camera, up positive."""
         self.collisions = Collisions()
         self.path_length = 0.0
         self.goal = ""
@@ -156,8 +197,27 @@ class Simulator:
         return min(distances)
 
     def command(self, v: float, w: float) -> None:
-        """Receive a velocity command now: m/s forward, rad/s counter-clockwise."""
-        self.base.command(self.time, v, w)
+        """Receive a velocity command now: m/s forward, rad/s counter-clockwise.
+
+        A base that is busy or on its dock ignores it.
+        """
+        if not (self.busy or self.docked):
+            self.base.command(self.time, *self._backup.limit(v, w))
+
+    def suffer(self, faults: frozenset[str]) -> None:
+        """Take the faults that hold from now on; those that are no trouble of the base do nothing.
+
+        Args:
+            faults: names in ``faults.FAULTS``.
+        """
+        begun = faults - self.trouble
+        self.trouble = faults
+        if "odom_jump" in begun:
+            self.odometry.move(JUMP_M, 0.0, 0.0)
+        if "odom_turned" in begun:
+            self.odometry.move(0.0, 0.0, JUMP_RAD)
+        if begun & {"base_busy", "docked"}:
+            self.base.forget()
 
     def tilt_to(self, tilt: float) -> None:
         """Turn the camera, rad up positive; beyond the mechanism's range it goes to its end.
@@ -174,16 +234,63 @@ class Simulator:
             Whether a new collision began.
         """
         before = self.world.pose
-        v, w = self.base.update(self.time, self.world.timestep)
-        self.world.drive(v, w, self.tilt_target)
+        own = self._act()
+        if not self.wheels_enabled:
+            self.base.forget()
+            own = None
+        self._wheels = self.base.update(self.time, self.world.timestep, own)
+        self._drive(*self.noise.slip(*self._wheels))
         self.steps += 1
         forward, left, turn = _motion(before, self.world.pose)
-        self.odometry.move(forward, left, turn)
+        self.odometry.move(*self.noise.count(forward, left, turn, self.world.timestep))
+        self.tilt_rate = (self.world.pose.tilt - before.tilt) / self.world.timestep
+        self._moved = forward, turn
+        self._backup.move(forward)
+        if self._backup.left <= 0 and self._own is None:
+            self.base.stop_backing()
         distance = math.hypot(forward, left)
         self.path_length += distance
         began = self.collisions.update(self.time, self.world.contacts(), self._speed)
         self._speed = distance / self.world.timestep
+        self._watch_standstill()
         return began
+
+    def _act(self) -> tuple[float, float] | None:
+        """What the base does by itself now: m/s, rad/s; None when it obeys commands."""
+        pressed = bool(self.pressed())
+        began, self._was_pressed = pressed and not self._was_pressed, pressed
+        if began and self._reflexes and self._own is None:
+            self._own = BackOff()
+        if self._own is None:
+            return None
+        self.base.forget()
+        wanted = self._own.update(self.world.timestep, *self._moved, pressed)
+        if wanted is None:
+            if isinstance(self._own, Undock):
+                self._on_dock = False
+            self._own = None
+        return wanted
+
+    def _drive(self, v: float, w: float) -> None:
+        """Let the floor have what the wheels do, m/s and rad/s, or what is done to the robot."""
+        sideways = 0.0
+        tilt = self.tilt_target
+        if self.trouble & {"base_stuck", "base_slip"}:
+            v = w = 0.0
+        if "base_stuck" in self.trouble:
+            self.base.block()
+        if "base_pushed" in self.trouble:
+            v, sideways = v + PUSH[0], PUSH[1]
+        if "tilt_stuck" in self.trouble:
+            tilt = self.world.pose.tilt
+        self.world.drive(v, w, tilt, sideways)
+
+    def _watch_standstill(self) -> None:
+        moves = self.world.speed >= STILL_SPEED or abs(self.world.velocity[1]) >= STILL_RATE
+        if moves:
+            self._still_since = None
+        elif self._still_since is None:
+            self._still_since = self.time
 
 
 def _motion(before: Pose, after: Pose) -> tuple[float, float, float]:

@@ -112,16 +112,23 @@ class World:
         self._tilt = tilt
         mj.mj_forward(self.model, self.data)
 
-    def drive(self, v: float, w: float, tilt: float) -> None:
+    @property
+    def speed(self) -> float:
+        """True speed over the floor in any direction, m/s."""
+        return float(np.hypot(*self.data.qvel[:2]))
+
+    def drive(self, v: float, w: float, tilt: float, sideways: float = 0.0) -> None:
         """One physics step of ``timestep`` seconds towards these targets.
 
         Args:
             v: forward speed, m/s.
             w: turn rate, rad/s.
             tilt: camera tilt, rad, up positive.
+            sideways: speed to the left, m/s; wheels give none, whoever pushes the robot does.
         """
         yaw = self.data.qpos[2] + 0.5 * w * self.timestep
-        self.data.ctrl[:3] = (v * math.cos(yaw), v * math.sin(yaw), w)
+        c, s = math.cos(yaw), math.sin(yaw)
+        self.data.ctrl[:3] = (v * c - sideways * s, v * s + sideways * c, w)
         mj.mj_step(self.model, self.data)
         limit = TILT_SPEED * self.timestep
         self._tilt += min(max(tilt - self._tilt, -limit), limit)
@@ -132,7 +139,7 @@ class World:
             return []
         found = []
         x, y, yaw = self.data.qpos[:3]
-        speed = float(np.hypot(*self.data.qvel[:2]))
+        speed = self.speed
         for c in self.data.contact[: self.data.ncon]:
             robot, other = (
                 (c.geom1, c.geom2) if c.geom1 in (self._hull, self._mast) else (c.geom2, c.geom1)
@@ -162,27 +169,28 @@ class World:
                 return False
         return True
 
-    def scan(self, pose: Pose | None = None) -> np.ndarray:
-        """A turn of the LiDAR.
+    def scan(self, pose: Pose | None = None, beams: np.ndarray | None = None) -> np.ndarray:
+        """Beams of the LiDAR.
 
         Args:
             pose: where the robot stands; its present pose when None.
+            beams: int [N], which of the 360; all when None.
 
         Returns:
-            float32 [360] ranges, metres, inf where nothing is hit within 12 m; beam i at i degrees
+            float32 [N] ranges, metres, inf where nothing is hit within 12 m; beam i at i degrees
             counter-clockwise from robot-forward.
         """
         p = pose or self.pose
         origin = np.array([
             p.x + LIDAR_X * math.cos(p.yaw), p.y + LIDAR_X * math.sin(p.yaw), LIDAR_Z
         ])  # fmt: skip
-        angle = self._beams + p.yaw
+        angle = (self._beams if beams is None else self._beams[beams]) + p.yaw
         rays = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1).ravel()
-        hit = np.zeros(LIDAR_BEAMS, np.int32)
-        distance = np.zeros(LIDAR_BEAMS)
+        hit = np.zeros(len(angle), np.int32)
+        distance = np.zeros(len(angle))
         mj.mj_multiRay(
             self.model, self._query, origin, rays, self._laser_groups, 1,
-            self.model.body("base").id, hit, distance, None, LIDAR_BEAMS, LIDAR_RANGE_M,
+            self.model.body("base").id, hit, distance, None, len(angle), LIDAR_RANGE_M,
         )  # fmt: skip
         return np.where(hit >= 0, distance, np.inf).astype(np.float32)
 

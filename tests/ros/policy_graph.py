@@ -12,10 +12,16 @@ from contextlib import contextmanager
 import numpy as np
 import rclpy
 from cfnav_interfaces.action import NavigateToObject
-from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from cfnav_interfaces.msg import (
+    CollisionEstimate,
+    EpisodeStatus,
+    Moment,
+    MomentDone,
+    PolicyDecision,
+)
 from cfnav_ros.conversions import ns_to_stamp, stamp_to_ns
 from geometry_msgs.msg import TwistStamped
-from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -37,15 +43,20 @@ BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 class Robot:
     """A base, a camera and an estimate at 20 Hz in a thread, and a client; exact and unhurried."""
 
-    def __init__(self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False):
+    def __init__(
+        self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False, namespace="",
+        lock_step=False,
+    ):  # fmt: skip
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
-        self.node = Node(name, context=self.context)
+        self.node = Node(name, context=self.context, namespace=namespace)
         self.clock = 100_000_000_000 if clock else None
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.probability, self.clearance, self.bumping = 0.1, 2.0, False
         self.encoding, self.silent, self.count = "bgr8", set(), 0
-        self.commands, self.pictures, self.feedback = [], {}, []
+        self.lock_step, self.free, self.newest = lock_step, True, {}
+        self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
+        self.commands, self.pictures, self.feedback, self.frames = [], {}, [], set()
         self.decisions, self.statuses = [], []
         self._make_topics(velocity)
         self.client = ActionClient(self.node, NavigateToObject, "navigate_to_object")
@@ -63,6 +74,7 @@ class Robot:
     def _make_topics(self, velocity):
         node = self.node
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        told = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.publishers = {
             "clock": node.create_publisher(Clock, "/clock", 10),
             "odometry": node.create_publisher(Odometry, "odom", latched),
@@ -70,6 +82,8 @@ class Robot:
             "image": node.create_publisher(Image, "oakd/rgb/preview/image_raw", 10),
             "estimate": node.create_publisher(CollisionEstimate, "collision/estimate", 5),
             "hazard": node.create_publisher(HazardDetectionVector, "hazard_detection", 5),
+            "dock": node.create_publisher(DockStatus, "dock_status", latched),
+            "wheels": node.create_publisher(WheelStatus, "wheel_status", latched),
         }
         if velocity is not None:
             self.subscription = node.create_subscription(
@@ -77,27 +91,55 @@ class Robot:
             )
         node.create_subscription(Float64, "camera_tilt/command", self._on_tilt, 10)
         node.create_subscription(PolicyDecision, "policy/decision", self.decisions.append, 50)
-        node.create_subscription(EpisodeStatus, "policy/episode", self.statuses.append, 10)
-        node.create_timer(PERIOD_S, self._step)
+        node.create_subscription(EpisodeStatus, "policy/episode", self.statuses.append, told)
+        if self.lock_step:
+            told = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self.publishers["moment"] = node.create_publisher(Moment, "simulator/moment", told)
+            node.create_subscription(MomentDone, "simulator/moment_done", self._on_done, told)
+        node.create_timer(0.002 if self.lock_step else PERIOD_S, self._step)
 
     def _on_velocity(self, message):
-        twist = message.twist if isinstance(message, TwistStamped) else message
+        twist = message
+        if isinstance(message, TwistStamped):
+            twist = message.twist
+            self.frames.add(message.header.frame_id)
         self.v, self.w = twist.linear.x, twist.angular.z
         self.commands.append((time.monotonic(), self.v, self.w))
 
     def _on_tilt(self, message):
         self.tilt = message.data
 
+    def _on_done(self, done):
+        self.free |= not done.idle and stamp_to_ns(done.stamp) == self.clock
+
+    def put_back(self):
+        """Begin anew, as at the start, with a new moment."""
+        self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
+        self.count, self.newest = 0, {}
+        self.commands.clear()
+        self.decisions.clear()
+        self.free = True
+
     def stamp(self):
-        if self.clock is None:
-            return self.node.get_clock().now().to_msg()
-        return ns_to_stamp(self.clock)
+        now = self.node.get_clock().now().nanoseconds if self.clock is None else self.clock
+        return ns_to_stamp(now - round(self.skew * 1e9))
 
     def _send(self, name, message):
         if name not in self.silent:
+            self.damage.get(name, lambda message: None)(message)
             self.publishers[name].publish(message)
 
+    def say(self, **status):
+        """Publish a status of the base once: docked or powered."""
+        if "docked" in status:
+            self.publishers["dock"].publish(DockStatus(is_docked=status["docked"]))
+        if "powered" in status:
+            self.publishers["wheels"].publish(WheelStatus(wheels_enabled=status["powered"]))
+
     def _step(self):
+        if not self.free:
+            return
+        self.free = not self.lock_step
         self.count += 1
         if self.clock is not None and "clock" not in self.silent:
             self.clock += round(PERIOD_S * 1e9)
@@ -113,20 +155,25 @@ class Robot:
         odometry.pose.pose.orientation.w = math.cos(self.yaw / 2)
         odometry.twist.twist.linear.x, odometry.twist.twist.angular.z = self.v, self.w
         self._send("odometry", odometry)
+        self.newest["odometry"] = stamp
         joints = JointState(name=["camera_tilt"], position=[self.tilt])
         joints.header.stamp = stamp
         self._send("joints", joints)
         if self.count % 2 == 0:
             self._send("image", self._picture(stamp))
+            self.newest["image"] = stamp
         if self.count % 3 == 0:
             estimate = CollisionEstimate(probability=self.probability, clearance=self.clearance)
             estimate.header.stamp = stamp
             self._send("estimate", estimate)
+            self.newest["scan"] = stamp
         hazards = HazardDetectionVector()
         hazards.header.stamp = stamp
         if self.bumping:
             hazards.detections = [HazardDetection(type=HazardDetection.BUMP)]
         self._send("hazard", hazards)
+        if self.lock_step:
+            self._send("moment", Moment(stamp=stamp, **self.newest))
 
     def _picture(self, stamp):
         rng = np.random.default_rng(self.count)
@@ -169,8 +216,8 @@ class Robot:
         rclpy.shutdown(context=self.context)
 
 
-def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node")):
-    command = [sys.executable, *program, "--ros-args"]
+def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node"), remap=""):
+    command = [sys.executable, *program, "--ros-args", *(["-r", remap] if remap else [])]
     for parameter in parameters:
         command += ["-p", parameter]
     env = {
@@ -188,11 +235,13 @@ def policy_graph(folder, domain):
     """Starts a robot and a policy node; afterwards the node must have been well or be ended."""
     started = []
 
-    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), **robot):
+    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), remap="", **robot):
         log = folder / "log"
         robot = Robot(domain, **robot)
         started.append(robot)
-        process = start_node(domain, log, f"bundle:={bundle}", *parameters, program=program)
+        process = start_node(
+            domain, log, f"bundle:={bundle}", *parameters, program=program, remap=remap
+        )
         started.append(process)
         return robot, process, log
 
