@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tests.deploy.expectations import (
     NAMES_CAUSE,
@@ -91,26 +92,34 @@ class Judgement:
     as_expected: bool
 
 
-def motions(truth: Sequence[Truth]) -> list[MotionSeen]:
-    """Split samples into motions between rests; the first sample counts as a rest."""
-    found: list[MotionSeen] = []
-    resting = truth[0]
+def rests(truth: Sequence[Truth]) -> list[Truth]:
+    """The newest sample of each rest; twitches of a base that settles are part of it."""
+    found = [truth[0]]
     for now in truth[1:]:
-        if not now.still_since:
-            continue
-        if now.still_since != resting.still_since:
-            _append(found, resting, now, now.still_since)
-        resting = now
-    if not truth[-1].still_since:
-        _append(found, resting, truth[-1], math.inf)
+        if now.still_since and not _moved(found[-1], now):
+            found[-1] = replace(now, still_since=found[-1].still_since)
+        elif now.still_since:
+            found.append(now)
     return found
 
 
-def _append(found: list[MotionSeen], rest: Truth, now: Truth, end: float) -> None:
+def motions(truth: Sequence[Truth]) -> list[MotionSeen]:
+    """Split samples into motions between rests; the first sample counts as a rest."""
+    stops = rests(truth)
+    found = [_motion(a, b, b.still_since) for a, b in itertools.pairwise(stops)]
+    if not truth[-1].still_since and _moved(stops[-1], truth[-1]):
+        found.append(_motion(stops[-1], truth[-1], math.inf))
+    return found
+
+
+def _moved(rest: Truth, now: Truth) -> bool:
     distance = math.hypot(now.x - rest.x, now.y - rest.y)
-    turn = math.remainder(now.yaw - rest.yaw, math.tau)
-    if distance > TWITCH_M or abs(turn) > TWITCH_RAD:
-        found.append(MotionSeen(rest.t, end, distance, turn))
+    return distance > TWITCH_M or abs(math.remainder(now.yaw - rest.yaw, math.tau)) > TWITCH_RAD
+
+
+def _motion(rest: Truth, now: Truth, end: float) -> MotionSeen:
+    distance = math.hypot(now.x - rest.x, now.y - rest.y)
+    return MotionSeen(rest.t, end, distance, math.remainder(now.yaw - rest.yaw, math.tau))
 
 
 def rode(run: Run) -> bool:

@@ -53,7 +53,7 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
         f"{met} of {len(cells)} cells as expected, {sum(c['runs'] for c in cells)} runs, "
         f"{sum(c['contacts'] for c in cells)} contacts.",
         "",
-        "| fault | phase | expected | found | to rest: min / median / max, bound (s) | as expected |",
+        "| fault | phase | expected | found | rest min / median / max, bound (s) | as expected |",
         "|---|---|---|---|---|---|",
     ]
     for cell in cells:
