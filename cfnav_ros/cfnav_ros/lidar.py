@@ -7,12 +7,14 @@ its collision probability is 1.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
 
 from cfnav_core.actions import STEP_M
+from cfnav_ros.returns import Mount, Scan, View, look, malformed, wrap
+from cfnav_ros.sweep import NOMINAL, ErrorModel, free_way, hidden_probability, seen_probability
 
 
 class Verdict(IntEnum):
@@ -24,28 +26,30 @@ class Verdict(IntEnum):
 
 
 @dataclass(frozen=True)
-class Scan:
-    """One turn of a planar laser scanner, in the fields and units of sensor_msgs/LaserScan.
+class OtherMotion:
+    """What one scan says about a motion other than MoveAhead.
 
-    ``ranges`` is float32 [N], metres; beam i looks along ``angle_min + i * angle_increment``,
-    radians counter-clockwise in the scanner's frame.
+    ``clearance``, metres: of a turn from the footprint to the nearest return, of MoveBack how far
+    the footprint can back off.
     """
 
-    ranges: np.ndarray
-    angle_min: float
-    angle_max: float
-    angle_increment: float
-    range_min: float
-    range_max: float
+    motion: str
+    probability: float
+    clearance: float
+    verdict: Verdict
+
+
+OTHERS = ("RotateLeft", "RotateRight", "MoveBack")
 
 
 @dataclass(frozen=True)
 class Estimate:
     """What one scan says about the next MoveAhead.
 
-    ``clearance`` is how far the footprint can advance before contact, metres, at most the
-    scanner's range and 0 when blind. ``known_fraction`` is the share of forward beams with a usable
-    return. ``reason`` is one sentence unless the verdict is GOOD.
+    ``clearance`` is how far the footprint, ``margin`` included, can advance before contact, metres,
+    at most the scanner's range and 0 when blind. ``known_fraction`` is the share of forward beams
+    with a usable return. ``reason`` is one sentence unless the verdict is GOOD. ``unknown_arc`` is
+    the longest forward arc without a return, degrees. ``others`` judges the motions of ``OTHERS``.
     """
 
     probability: float
@@ -53,6 +57,8 @@ class Estimate:
     verdict: Verdict
     reason: str
     known_fraction: float
+    unknown_arc: float = 0.0
+    others: tuple[OtherMotion, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -60,34 +66,59 @@ class SweptDisc:
     """Geometry and thresholds of the estimate; lengths in metres, angles in degrees.
 
     Sources: the mounting is the TurtleBot 4's URDF, the radius Nav2's ``robot_radius`` for it and
-    the hull of the built-in rooms. ``margin`` covers 1 % range noise at half a metre and a degree
-    of heading error over one step; ``bias`` is the motion's end tolerance; ``scale`` is a starting
-    value for range noise and odometry together, until fitted on recorded contacts. An unknown arc
-    of ``blind_arc_deg`` hides something 0.25 m wide at the hull's reach after one step.
+    the hull of the built-in rooms. ``margin`` belongs to the published clearance, which guards a
+    motion under way, and not to the probability. An unknown arc of ``blind_arc_deg`` hides
+    something 0.25 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
+    bracket stand at the bearings of ``mask_bearings_deg`` (turtlebot4_description).
     """
 
-    mount_x: float = field(default=-0.04, metadata={"help": "LiDAR in base_link, forward, m"})
-    mount_y: float = field(default=0.0, metadata={"help": "LiDAR in base_link, left, m"})
-    mount_yaw_deg: float = field(default=90.0, metadata={"help": "LiDAR x-axis in base_link, deg"})
-    radius: float = field(default=0.175, metadata={"help": "hull of the robot, m"})
-    margin: float = field(default=0.01, metadata={"help": "added to the radius, m"})
-    step: float = field(default=STEP_M, metadata={"help": "length of MoveAhead, m"})
-    bias: float = field(default=0.01, metadata={"help": "clearance beyond the step at p = 0.5, m"})
-    scale: float = field(default=0.03, metadata={"help": "width of the logistic, m"})
-    sector_deg: float = field(default=60.0, metadata={"help": "half-width judged for quality"})
-    min_known: float = field(default=0.4, metadata={"help": "less known of the sector is BLIND"})
-    good_known: float = field(default=0.8, metadata={"help": "less known is DEGRADED"})
-    blind_arc_deg: float = field(default=30.0, metadata={"help": "longest unknown arc: BLIND"})
-    good_arc_deg: float = field(default=10.0, metadata={"help": "longest unknown arc: DEGRADED"})
-    min_returns: int = field(default=8, metadata={"help": "fewest distinct forward returns"})
+    mount_x: float = field(
+        default=-0.04, metadata={"help": "LiDAR in base_link, forward, m", "min": -0.5, "max": 0.5}
+    )
+    mount_y: float = field(
+        default=0.0, metadata={"help": "LiDAR in base_link, left, m", "min": -0.5, "max": 0.5}
+    )
+    mount_yaw_deg: float = field(
+        default=90.0,
+        metadata={"help": "LiDAR x-axis in base_link, deg", "min": -360.0, "max": 360.0},
+    )
+    radius: float = field(
+        default=0.175, metadata={"help": "hull of the robot, m", "min": 0.01, "max": 1.0}
+    )
+    margin: float = field(
+        default=0.01, metadata={"help": "added for the clearance, m", "min": 0.0, "max": 0.5}
+    )
+    step: float = field(
+        default=STEP_M, metadata={"help": "length of MoveAhead, m", "min": 0.01, "max": 2.0}
+    )
+    sector_deg: float = field(
+        default=60.0, metadata={"help": "half-width judged for quality", "min": 5.0, "max": 180.0}
+    )
+    min_known: float = field(
+        default=0.4, metadata={"help": "less known of the sector is BLIND", "min": 0.0, "max": 1.0}
+    )
+    good_known: float = field(
+        default=0.8, metadata={"help": "less known is DEGRADED", "min": 0.0, "max": 1.0}
+    )
+    blind_arc_deg: float = field(
+        default=30.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
+    )
+    good_arc_deg: float = field(
+        default=10.0, metadata={"help": "longer unknown arc: DEGRADED", "min": 0.0, "max": 360.0}
+    )
+    min_returns: int = field(
+        default=8, metadata={"help": "fewest distinct forward returns", "min": 1, "max": 1000}
+    )
     mask_bearings_deg: str = field(
         default="58.3 -58.3 111.7 -111.7 180",
         metadata={"help": "bearings of the robot's own parts seen by the LiDAR"},
     )
-    mask_half_width_deg: float = field(default=4.0, metadata={"help": "half-width of each"})
+    mask_half_width_deg: float = field(
+        default=4.0, metadata={"help": "half-width of each, deg", "min": 0.0, "max": 45.0}
+    )
 
     def __post_init__(self) -> None:
-        for name in ("radius", "step", "scale", "sector_deg"):
+        for name in ("radius", "step", "sector_deg"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected a positive number.")
         _ = self.mask_bearings
@@ -103,149 +134,142 @@ class SweptDisc:
                 "spaces."
             ) from None
 
-
-def collision_probability(clearance: float, disc: SweptDisc) -> float:
-    """Probability that a MoveAhead with this clearance (metres) ends in a contact: a logistic."""
-    return 1.0 / (1.0 + math.exp(min((clearance - disc.step - disc.bias) / disc.scale, 700.0)))
-
-
-def clearance(points: np.ndarray, disc: SweptDisc, limit: float) -> float:
-    """How far the disc can advance along x before it touches a point.
-
-    Args:
-        points: float [N, 2], metres, in base_link.
-        disc: geometry.
-        limit: metres, the answer when nothing stands in the way.
-
-    Returns:
-        Metres in [0, limit].
-    """
-    radius = disc.radius + disc.margin
-    x, y = points[:, 0], points[:, 1]
-    # A point behind the centre is only left further behind.
-    ahead = (x > 0) & (np.abs(y) < radius)
-    if not ahead.any():
-        return limit
-    travel = x[ahead] - np.sqrt(radius**2 - y[ahead] ** 2)
-    return float(np.clip(travel.min(), 0.0, limit))
+    @property
+    def mount(self) -> Mount:
+        """The mounting that these fields say."""
+        return Mount(self.mount_x, self.mount_y, math.radians(self.mount_yaw_deg))
 
 
-def distinct_returns(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Merge runs of equal values: the A1 driver copies each return into several beams.
-
-    Args:
-        ranges: float [N].
-
-    Returns:
-        (float [M] fractional index of each run's centre, float [M] its value).
-    """
-    starts = np.flatnonzero(np.r_[True, ranges[1:] != ranges[:-1]])
-    ends = np.r_[starts[1:], len(ranges)] - 1
-    return (starts + ends) / 2.0, ranges[starts]
-
-
-def estimate_collision(scan: Scan, disc: SweptDisc = SweptDisc()) -> Estimate:
-    """Judge the next MoveAhead from one scan.
+def estimate_collision(
+    scan: Scan,
+    disc: SweptDisc = SweptDisc(),
+    errors: ErrorModel = NOMINAL,
+    mount: Mount | None = None,
+) -> Estimate:
+    """Judge the next MoveAhead, and the motions of ``OTHERS``, from one scan.
 
     Args:
         scan: any content; a malformed one gives BLIND, never an exception.
         disc: geometry and thresholds.
+        errors: the error model; it states the formula of the probability.
+        mount: of the scanner, that of ``disc`` when None.
 
     Returns:
         The estimate. A return closer than the scanner's minimum counts as an obstacle there, +inf
         and NaN as unknown (this scanner answers +inf for dark, glass and too close alike).
 
-    Source: REP-117 for the meaning of values; the swept disc and the logistic are ours, the paper
-    gives no formula.
+    Source: REP-117 for the meaning of values; the swept disc and its error model are ours.
     """
-    fault = _malformed(scan)
+    fault = malformed(scan)
     if fault:
         return blind(fault)
-    ranges = np.asarray(scan.ranges, np.float64)
-    index, value = distinct_returns(ranges)
-    index, value = index[_usable(value, scan)], value[_usable(value, scan)]
-    bearing = _bearings(index, scan, disc)
-    masked = _masked(bearing, disc) & (value < scan.range_min)
-    bearing, value = bearing[~masked], value[~masked]
-
-    known, arc = _forward_quality(ranges, scan, disc)
-    forward = int((np.abs(bearing) <= math.radians(disc.sector_deg)).sum())
-    fault = _too_little(known, arc, forward, disc)
+    view = look(
+        scan, mount or disc.mount, disc.mask_bearings, math.radians(disc.mask_half_width_deg)
+    )
+    turn = _turn(view, disc, errors)
+    others = (*(replace(turn, motion=name) for name in OTHERS[:2]), _back(view, scan, disc, errors))
+    known, arc, returns = _quality(view, 0.0, disc.sector_deg, disc)
+    fault = _too_little(known, arc, returns, disc)
     if fault:
-        return blind(fault, known)
-
-    value = np.where(value == -np.inf, scan.range_min, value)
-    x = disc.mount_x + value * np.cos(bearing)
-    y = disc.mount_y + value * np.sin(bearing)
-    free = clearance(np.stack([x, y], axis=1), disc, scan.range_max)
-    probability = max(collision_probability(free, disc), _unknown_probability(arc, disc))
+        return replace(blind(fault, known), unknown_arc=arc, others=others)
+    probability, clearance = _sweep(view, 0.0, disc, errors, scan.range_max)
     if known >= disc.good_known and arc <= disc.good_arc_deg:
-        return Estimate(probability, free, Verdict.GOOD, "", known)
+        return Estimate(probability, clearance, Verdict.GOOD, "", known, arc, others)
     reason = (
         f"{known:.0%} of the forward beams return, the longest unknown arc is {arc:.0f} degrees."
     )
-    return Estimate(probability, free, Verdict.DEGRADED, reason, known)
+    return Estimate(probability, clearance, Verdict.DEGRADED, reason, known, arc, others)
 
 
-def _malformed(scan: Scan) -> str:
-    count = np.asarray(scan.ranges).size
-    if count < 2:
-        return f"The scan holds {count} ranges, expected at least 2."
-    numbers = (scan.angle_min, scan.angle_max, scan.angle_increment, scan.range_min, scan.range_max)
-    if not all(map(math.isfinite, numbers)):
-        return "The scan's angles or range limits are not finite."
-    if not 0 <= scan.range_min < scan.range_max:
-        return f"range_min {scan.range_min:g} and range_max {scan.range_max:g} are no interval."
-    if scan.angle_increment == 0:
-        return "angle_increment is 0."
-    span = scan.angle_min + (count - 1) * scan.angle_increment
-    if abs(span - scan.angle_max) >= 2 * abs(scan.angle_increment):
-        return (
-            f"{count} ranges end at {span:.3f} rad, but the scan says angle_max "
-            f"{scan.angle_max:.3f}."
-        )
-    return ""
+def blind(reason: str, known: float = 0.0) -> Estimate:
+    """The estimate of who sees nothing: a collision is certain, whatever the motion."""
+    others = tuple(OtherMotion(motion, 1.0, 0.0, Verdict.BLIND) for motion in OTHERS)
+    return Estimate(1.0, 0.0, Verdict.BLIND, reason, known, 360.0, others)
 
 
-def _usable(ranges: np.ndarray, scan: Scan) -> np.ndarray:
-    """Beams that met something: within range, nearer than range_min, or -inf ("too close")."""
-    # Written so that NaN fails; 0 and finite negatives are the driver's "nothing".
-    return ((ranges > 0) & (ranges <= scan.range_max)) | (ranges == -np.inf)
+def _sweep(
+    view: View, heading: float, disc: SweptDisc, errors: ErrorModel, limit: float
+) -> tuple[float, float]:
+    """Probability and clearance (at most ``limit``, metres) of one step along a bearing."""
+    c, s = math.cos(heading), math.sin(heading)
+    turned = view.points @ np.array([[c, -s], [s, c]])
+    scanner = (c * view.mount.x + s * view.mount.y, c * view.mount.y - s * view.mount.x)
+    seen = seen_probability(turned, view.ranges, disc.radius, disc.step, errors)
+    gaps = _gaps(view, heading, math.pi / 2, view.known)
+    hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
+    way = free_way(turned, disc.radius + disc.margin).min(initial=limit)
+    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - errors.unseen), max(float(way), 0.0)
 
 
-def _bearings(index: np.ndarray, scan: Scan, disc: SweptDisc) -> np.ndarray:
-    """Bearing of beams in base_link, radians in [-pi, pi)."""
-    angle = scan.angle_min + index * scan.angle_increment + math.radians(disc.mount_yaw_deg)
-    return (angle + math.pi) % (2 * math.pi) - math.pi
+def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
+    """Judge a turn in place, to either side.
+
+    A disc that turns in place sweeps nothing but its own footprint, so a turn touches only what
+    stands nearer than its centre strays. What hides in the strip under the scanner's minimum
+    behind the robot is not touched either; beams without a return there make the verdict DEGRADED.
+    """
+    distance = np.hypot(view.points[:, 0], view.points[:, 1]).min(initial=np.inf)
+    clearance = max(float(distance) - disc.radius, 0.0)
+    probability = 1.0 - math.erf(clearance / (errors.end * math.sqrt(2)))
+    known, arc, _ = _quality(view, 0.0, 180.0, disc)
+    verdict = _verdict(known, arc, disc)
+    clearance = 0.0 if verdict is Verdict.BLIND else clearance
+    return OtherMotion("", 1.0 if verdict is Verdict.BLIND else probability, clearance, verdict)
 
 
-def _masked(bearing: np.ndarray, disc: SweptDisc) -> np.ndarray:
-    offset = bearing[:, None] - disc.mask_bearings[None, :]
-    offset = np.abs((offset + math.pi) % (2 * math.pi) - math.pi)
-    return (offset <= math.radians(disc.mask_half_width_deg)).any(axis=1)
+def _back(view: View, scan: Scan, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
+    """Judge one step backwards.
+
+    Posts and bracket hide arcs there, and what touches the rear half of the hull stands nearer
+    than the scanner measures and returns nothing: both count as unknown arcs do. While one of the
+    robot's own parts stands in the swept half, the verdict is never GOOD.
+    """
+    known, arc, returns = _quality(view, math.pi, disc.sector_deg, disc)
+    verdict = _verdict(known, arc, disc)
+    if verdict is Verdict.BLIND or returns < disc.min_returns:
+        return OtherMotion(OTHERS[2], 1.0, 0.0, Verdict.BLIND)
+    probability, clearance = _sweep(view, math.pi, disc, errors, scan.range_max)
+    half = math.radians(disc.sector_deg)
+    if (np.abs(wrap(disc.mask_bearings - math.pi)) <= half).any():
+        verdict = Verdict.DEGRADED
+    return OtherMotion(OTHERS[2], probability, clearance, verdict)
 
 
-def _forward_quality(ranges: np.ndarray, scan: Scan, disc: SweptDisc) -> tuple[float, float]:
-    """Share of forward beams with a return, and the longest arc without one (degrees).
+def _quality(
+    view: View, heading: float, half_deg: float, disc: SweptDisc
+) -> tuple[float, float, int]:
+    """Share of known beams around a bearing, longest arc without one (degrees), distinct returns.
 
     The robot's own parts are left out of the share and do not lengthen an arc. A scan that does not
     reach around the whole sector leaves the rest of it unknown.
     """
-    half, width = math.radians(disc.sector_deg), abs(scan.angle_increment)
-    bearing = _bearings(np.arange(ranges.size), scan, disc)
-    inside = np.abs(bearing) <= half
-    masked = _masked(bearing, disc) & inside
-    usable = _usable(ranges, scan) & inside
-    beams = max(round(2 * half / width), 1) - int(masked.sum())
-    known = min(int((usable & ~masked).sum()) / max(beams, 1), 1.0)
-    seen = np.sort(np.r_[-half, bearing[usable | masked], half])
-    arc = max(float(np.diff(seen).max()) - width, 0.0)
-    return known, math.degrees(arc)
+    half = math.radians(half_deg)
+    inside = np.abs(wrap(view.bearing - heading)) <= half
+    masked = view.masked & inside
+    beams = max(round(2 * half / view.beam) - int(masked.sum()), 1)
+    known = min(int((view.known & inside & ~masked).sum()) / beams, 1.0)
+    gaps = _gaps(view, heading, half, view.known | view.masked)
+    arc = float((gaps[:, 1] - gaps[:, 0]).max(initial=0.0))
+    returns = int((np.abs(wrap(view.returns - heading)) <= half).sum())
+    return known, math.degrees(arc), returns
+
+
+def _gaps(view: View, heading: float, half: float, seen: np.ndarray) -> np.ndarray:
+    """float64 [G, 2], radians from the heading: arcs of the sector without a beam of ``seen``."""
+    bearing = wrap(view.bearing[seen] - heading)
+    bearing = np.sort(bearing[np.abs(bearing) <= half])
+    begins = np.append(-half, bearing + view.beam / 2)
+    ends = np.append(bearing - view.beam / 2, half)
+    wide = ends - begins > view.beam / 2
+    return np.stack([begins[wide], ends[wide]], axis=1)
 
 
 def _too_little(known: float, arc: float, returns: int, disc: SweptDisc) -> str:
     if known < disc.min_known:
-        return f"{known:.0%} of the forward beams return, expected at least {disc.min_known:.0%}."
+        return (
+            f"{known:.0%} of the forward beams return a range that the scanner measures, expected "
+            f"at least {disc.min_known:.0%}."
+        )
     if returns < disc.min_returns:
         return f"{returns} distinct forward returns, expected at least {disc.min_returns}."
     if arc > disc.blind_arc_deg:
@@ -253,11 +277,8 @@ def _too_little(known: float, arc: float, returns: int, disc: SweptDisc) -> str:
     return ""
 
 
-def _unknown_probability(arc: float, disc: SweptDisc) -> float:
-    """Rises from 0 at the longest arc that is still good to 1 where the scan becomes blind."""
-    return min(max((arc - disc.good_arc_deg) / (disc.blind_arc_deg - disc.good_arc_deg), 0.0), 1.0)
-
-
-def blind(reason: str, known: float = 0.0) -> Estimate:
-    """The estimate of who sees nothing: a collision is certain."""
-    return Estimate(1.0, 0.0, Verdict.BLIND, reason, known)
+def _verdict(known: float, arc: float, disc: SweptDisc) -> Verdict:
+    if known < disc.min_known or arc > disc.blind_arc_deg:
+        return Verdict.BLIND
+    good = known >= disc.good_known and arc <= disc.good_arc_deg
+    return Verdict.GOOD if good else Verdict.DEGRADED

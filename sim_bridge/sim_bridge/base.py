@@ -29,6 +29,21 @@ class BaseLimits:
     """s after the last command received; then the base brakes to a stop."""
 
 
+@dataclass(frozen=True)
+class Motion:
+    """How the robot truly moves.
+
+    Attributes:
+        v: m/s forward.
+        w: rad/s counter-clockwise.
+        still_since: s of simulated time since when it has stood still; None while it moves.
+    """
+
+    v: float
+    w: float
+    still_since: float | None
+
+
 class Base:
     """Turns received commands into the velocity the wheels have at each moment.
 
@@ -43,7 +58,15 @@ class Base:
 
     def stop(self) -> None:
         """Forget every command and stand still at once, as a robot that was just put down."""
+        self.block()
+        self.forget()
+
+    def block(self) -> None:
+        """Stand still at once: the wheels cannot turn."""
         self._left = self._right = 0.0
+
+    def forget(self) -> None:
+        """Drop the command that was received last."""
         self._target = (0.0, 0.0)
         self._received = -math.inf
 

@@ -24,7 +24,6 @@ from sim_bridge import rplidar
 if TYPE_CHECKING:
     from sim_bridge.base import Odometry as BaseOdometry
     from sim_bridge.simulator import Simulator
-    from sim_bridge.world import Contact
 
 CAMERA_FRAME = "oakd_rgb_camera_optical_frame"
 CAMERA_HEIGHT = 1.3
@@ -165,10 +164,15 @@ def joint_state(tilt: float, t: float) -> JointState:
     return JointState(header=header(t, "base_link"), name=["camera_tilt"], position=[tilt])
 
 
-def hazards(contacts: Iterable[Contact], t: float) -> HazardDetectionVector:
-    """A BUMP for each zone of the bumper that is pressed; empty when none is."""
+def hazards(pressed: Iterable[float], t: float) -> HazardDetectionVector:
+    """A BUMP for each zone of the bumper that is pressed; empty when none is.
+
+    Args:
+        pressed: bearings, rad counter-clockwise from the front.
+        t: s.
+    """
     message = HazardDetectionVector(header=header(t, "base_link"))
-    bearings = [math.degrees(c.bearing) for c in contacts if c.part == "hull"]
+    bearings = [math.degrees(bearing) for bearing in pressed]
     message.detections = [
         HazardDetection(header=header(t, zone), type=HazardDetection.BUMP)
         for zone, right, left in _BUMPER_ZONES
@@ -177,12 +181,23 @@ def hazards(contacts: Iterable[Contact], t: float) -> HazardDetectionVector:
     return message
 
 
-def ground_truth(simulator: Simulator, goal_visible: bool) -> GroundTruth:
-    """What the simulator knows at its present time."""
-    message = GroundTruth(header=header(simulator.time, "room"))
-    pose, collisions = simulator.world.pose, simulator.collisions
+def ground_truth(simulator: Simulator, goal_visible: bool, epoch: float = 0.0) -> GroundTruth:
+    """What the simulator knows at its present time.
+
+    Args:
+        simulator: the robot in its world.
+        goal_visible: whether the episode's goal is in view.
+        epoch: s of node time at simulated time zero.
+    """
+    message = GroundTruth(header=header(epoch + simulator.time, "room"))
+    pose, collisions, motion = simulator.world.pose, simulator.collisions, simulator.motion
     message.x, message.y, message.tilt = pose.x, pose.y, pose.tilt
     message.yaw = math.remainder(pose.yaw, math.tau)
+    message.v, message.w = motion.v, motion.w
+    if motion.still_since is not None:
+        # A robot that rests from the very beginning does so since the first step: 0 means motion.
+        since = max(motion.still_since, simulator.world.timestep)
+        message.still_since = epoch + since
     message.in_contact = bool(collisions.contacts)
     message.contact_with = collisions.contacts[0].other if collisions.contacts else ""
     message.impact_speed = collisions.impact_speed

@@ -157,7 +157,9 @@ class Start:
     shortest_actions: int
 
 
-def start_episode(world: World, camera: Camera, goal: str, seed: int) -> Start:
+def start_episode(
+    world: World, camera: Camera, goal: str, seed: int, at: Pose | None = None
+) -> Start:
     """Draw a level start pose at least ``MIN_START_ACTIONS`` actions away from seeing the goal.
 
     Args:
@@ -165,6 +167,7 @@ def start_episode(world: World, camera: Camera, goal: str, seed: int) -> Start:
         camera: looks into it; used in the calling thread.
         goal: category name.
         seed: chooses among the possible starts.
+        at: the start pose, which then is not drawn; its shortest way is that of the nearest state.
 
     Raises:
         ValueError: the room has no such goal, or it cannot be seen from anywhere far enough.
@@ -176,14 +179,34 @@ def start_episode(world: World, camera: Camera, goal: str, seed: int) -> Start:
     grid = state_grid(world)
     seen = goal_states(world, camera, grid, goal)
     actions = actions_to(grid.next_state, seen)
+    if at is None:
+        state = _draw_start(room.name, goal, seed, actions, int(seen.sum()))
+        at = grid.pose(state)
+    else:
+        state = _nearest_level(grid, at)
+    if actions[state] < 0:
+        raise ValueError(
+            f"room {room.name}: no way leads from ({at.x:.2f}, {at.y:.2f}) to a sight of {goal}; "
+            "choose another start"
+        )
+    metres = metres_to(grid.next_state, seen, grid.position, grid.heading)[grid.position[state]]
+    return Start(at.x, at.y, at.yaw, float(metres), int(actions[state]) + 1)
+
+
+def _draw_start(room: str, goal: str, seed: int, actions: np.ndarray, seen: int) -> int:
+    """A level state at least ``MIN_START_ACTIONS`` actions away, given int [S] actions to go."""
     level = np.arange(len(actions)) % HORIZONS == 0
     starts = np.nonzero((actions >= MIN_START_ACTIONS) & level)[0]
     if not len(starts):
         raise ValueError(
-            f"room {room.name}: {goal} is seen from {int(seen.sum())} states and no start is at "
+            f"room {room}: {goal} is seen from {seen} states and no start is at "
             f"least {MIN_START_ACTIONS} actions away; choose another goal or room"
         )
-    state = int(np.random.default_rng([seed, CATEGORIES.index(goal)]).choice(starts))
-    pose = grid.pose(state)
-    metres = metres_to(grid.next_state, seen, grid.position, grid.heading)[grid.position[state]]
-    return Start(pose.x, pose.y, pose.yaw, float(metres), int(actions[state]) + 1)
+    return int(np.random.default_rng([seed, CATEGORIES.index(goal)]).choice(starts))
+
+
+def _nearest_level(grid: StateGrid, pose: Pose) -> int:
+    """The level state nearest to a pose: first in place, then in heading."""
+    position = int(np.hypot(*(grid.positions - (pose.x, pose.y)).T).argmin())
+    heading = round(pose.yaw / (math.tau / HEADINGS)) % HEADINGS
+    return (position * HEADINGS + heading) * HORIZONS

@@ -1,4 +1,4 @@
-"""A TurtleBot 4 that is not there: the process around ``mock_node.MockTurtleBot4``.
+"""A TurtleBot 4 that is not there: the process around ``mock_node.Mock``.
 
 Run it with ``python -m sim_bridge.mock_turtlebot4 --ros-args -p room:=kitchen:21``; the parameters
 are those of ``parameters.MockParameters``.
@@ -19,7 +19,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 if TYPE_CHECKING:
-    from sim_bridge.mock_node import MockTurtleBot4
+    from sim_bridge.mock_node import Mock
 
 
 def main(args: list[str] | None = None) -> int:
@@ -49,24 +49,29 @@ def _end(number: int, frame: object) -> None:
 
 
 def _run(args: list[str]) -> int:
-    """Start, then receive in one thread and simulate in this one."""
+    """Start, then receive in one thread for each node and simulate in this one."""
     with ExitStack() as cleanup:
         try:
             _join_graph(args)
             # Here, because without a GL library this import fails with the sentence to print.
-            from sim_bridge.mock_node import MockTurtleBot4
+            from sim_bridge.mock_node import Mock
 
-            node = MockTurtleBot4()
-            cleanup.callback(node.close)
-            node.set_up()
+            mock = Mock()
+            cleanup.callback(mock.close)
+            executors = [SingleThreadedExecutor() for _ in mock.nodes]
+            mock.set_up(executors[0])
         except (ValueError, ImportError) as error:
             print(f"mock_turtlebot4: {error}", file=sys.stderr)
             return 2
-        spinner = threading.Thread(target=_spin, args=(node,))
-        cleanup.callback(_stop, spinner, node)
-        spinner.start()
-        print(f"mock_turtlebot4 ready: {node.summary}", flush=True)
-        node.run()
+        spinners = []
+        for executor, node in zip(executors, mock.nodes, strict=True):
+            executor.add_node(node)
+            spinners.append(threading.Thread(target=_spin, args=(executor, mock)))
+        cleanup.callback(_stop, spinners, mock)
+        for spinner in spinners:
+            spinner.start()
+        print(f"mock_turtlebot4 ready: {mock.summary}", flush=True)
+        mock.run()
 
 
 def _join_graph(args: list[str]) -> None:
@@ -82,22 +87,20 @@ def _join_graph(args: list[str]) -> None:
         )
 
 
-def _spin(node: MockTurtleBot4) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+def _spin(executor: SingleThreadedExecutor, mock: Mock) -> None:
     try:
         executor.spin()
     except (ExternalShutdownException, CancelledError):
         return
     except Exception as error:
-        node.abort(error)
+        mock.abort(error)
 
 
-def _stop(spinner: threading.Thread, node: MockTurtleBot4) -> None:
+def _stop(spinners: list[threading.Thread], mock: Mock) -> None:
     rclpy.try_shutdown()
-    while spinner.is_alive():
-        node.refuse_requests()
-        spinner.join(timeout=0.05)
+    while any(spinner.is_alive() for spinner in spinners):
+        mock.refuse_requests()
+        spinners[0].join(timeout=0.05)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ class MockParameters:
     start: tuple[float, ...] = _parameter((), "x m, y m, yaw rad; only without a goal")
     speed: float = _parameter(1.0, "times real time; 0 is as fast as it can")
     camera_size: int = _parameter(300, "width and height of the picture, pixels")
+    faults: str = _parameter("", "YAML file with a list of {fault, at | when, duration}")
     domain_guard: bool = _parameter(True, "refuse to start where another robot publishes")
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_bridge.base import Base, Odometry
+from sim_bridge.base import Base, Motion, Odometry
 
 if TYPE_CHECKING:
     from sim_bridge.grid import Start
@@ -21,6 +21,16 @@ COLLISION_GAP_S = 0.5
 
 TILT_LIMIT_RAD = math.radians(30.0)
 """The camera's tilt mechanism turns this far up and down, rad."""
+
+
+STILL_SPEED, STILL_RATE = 0.005, 0.01
+"""m/s and rad/s; a robot below both stands still."""
+
+PUSH = (-0.15 / math.sqrt(2) / 0.5, 0.15 / math.sqrt(2) / 0.5)
+"""m/s forward and to the left of ``base_pushed``, which lasts 0.5 s: 0.15 m back and sideways."""
+
+JUMP_M, JUMP_RAD = 0.5, math.pi / 2
+"""How far ``odom_jump`` and ``odom_turned`` put the odometry off."""
 
 
 class Collisions:
@@ -85,6 +95,10 @@ class Simulator:
         self.base = Base()
         self.odometry = Odometry()
         self.steps = 0
+        self.e_stop = False
+        """Whether somebody has cut the drive power."""
+        self.trouble: frozenset[str] = frozenset()
+        """Names in ``faults.FAULTS`` of what holds now; see ``suffer``."""
         self.enter(world)
 
     @property
@@ -92,9 +106,35 @@ class Simulator:
         """Simulated time, s."""
         return self.steps * self.world.timestep
 
+    @property
+    def wheels_enabled(self) -> bool:
+        """Whether the wheels have power."""
+        return not (self.e_stop or "e_stop" in self.trouble)
+
+    @property
+    def motion(self) -> Motion:
+        """How the robot truly moves."""
+        return Motion(*self.world.velocity, self._still_since)
+
+    @property
+    def twist(self) -> tuple[float, float]:
+        """The velocity that the wheels report: m/s forward, rad/s."""
+        return self._wheels if "base_slip" in self.trouble else self.world.velocity
+
+    def pressed(self) -> list[float]:
+        """Bearings of what presses the bumper, rad counter-clockwise from the front.
+
+        The mast and the rear half have no bumper.
+        """
+        bearings = [c.bearing for c in self.collisions.contacts if c.part == "hull"]
+        stuck = [0.0] if "bumper_stuck" in self.trouble else []
+        return stuck + [b for b in bearings if abs(b) <= math.pi / 2]
+
     def _rest(self) -> None:
         self.base.stop()
+        self._wheels = (0.0, 0.0)
         self._speed = 0.0
+        self._still_since: float | None = self.time
         self.tilt_target = 0.0
         self.collisions = Collisions()
         self.path_length = 0.0
@@ -157,7 +197,23 @@ class Simulator:
 
     def command(self, v: float, w: float) -> None:
         """Receive a velocity command now: m/s forward, rad/s counter-clockwise."""
-        self.base.command(self.time, v, w)
+        if "base_busy" not in self.trouble:
+            self.base.command(self.time, v, w)
+
+    def suffer(self, faults: frozenset[str]) -> None:
+        """Take the faults that hold from now on; those that are no trouble of the base do nothing.
+
+        Args:
+            faults: names in ``faults.FAULTS``.
+        """
+        begun = faults - self.trouble
+        self.trouble = faults
+        if "odom_jump" in begun:
+            self.odometry.move(JUMP_M, 0.0, 0.0)
+        if "odom_turned" in begun:
+            self.odometry.move(0.0, 0.0, JUMP_RAD)
+        if "base_busy" in begun:
+            self.base.forget()
 
     def tilt_to(self, tilt: float) -> None:
         """Turn the camera, rad up positive; beyond the mechanism's range it goes to its end.
@@ -174,8 +230,10 @@ class Simulator:
             Whether a new collision began.
         """
         before = self.world.pose
-        v, w = self.base.update(self.time, self.world.timestep)
-        self.world.drive(v, w, self.tilt_target)
+        if not self.wheels_enabled:
+            self.base.forget()
+        self._wheels = self.base.update(self.time, self.world.timestep)
+        self._drive(*self._wheels)
         self.steps += 1
         forward, left, turn = _motion(before, self.world.pose)
         self.odometry.move(forward, left, turn)
@@ -183,7 +241,29 @@ class Simulator:
         self.path_length += distance
         began = self.collisions.update(self.time, self.world.contacts(), self._speed)
         self._speed = distance / self.world.timestep
+        self._watch_standstill()
         return began
+
+    def _drive(self, v: float, w: float) -> None:
+        """Let the floor have what the wheels do, m/s and rad/s, or what is done to the robot."""
+        sideways = 0.0
+        tilt = self.tilt_target
+        if self.trouble & {"base_stuck", "base_slip"}:
+            v = w = 0.0
+        if "base_stuck" in self.trouble:
+            self.base.block()
+        if "base_pushed" in self.trouble:
+            v, sideways = v + PUSH[0], PUSH[1]
+        if "tilt_stuck" in self.trouble:
+            tilt = self.world.pose.tilt
+        self.world.drive(v, w, tilt, sideways)
+
+    def _watch_standstill(self) -> None:
+        moves = self.world.speed >= STILL_SPEED or abs(self.world.velocity[1]) >= STILL_RATE
+        if moves:
+            self._still_since = None
+        elif self._still_since is None:
+            self._still_since = self.time
 
 
 def _motion(before: Pose, after: Pose) -> tuple[float, float, float]:

@@ -112,16 +112,23 @@ class World:
         self._tilt = tilt
         mj.mj_forward(self.model, self.data)
 
-    def drive(self, v: float, w: float, tilt: float) -> None:
+    @property
+    def speed(self) -> float:
+        """True speed over the floor in any direction, m/s."""
+        return float(np.hypot(*self.data.qvel[:2]))
+
+    def drive(self, v: float, w: float, tilt: float, sideways: float = 0.0) -> None:
         """One physics step of ``timestep`` seconds towards these targets.
 
         Args:
             v: forward speed, m/s.
             w: turn rate, rad/s.
             tilt: camera tilt, rad, up positive.
+            sideways: speed to the left, m/s; wheels give none, whoever pushes the robot does.
         """
         yaw = self.data.qpos[2] + 0.5 * w * self.timestep
-        self.data.ctrl[:3] = (v * math.cos(yaw), v * math.sin(yaw), w)
+        c, s = math.cos(yaw), math.sin(yaw)
+        self.data.ctrl[:3] = (v * c - sideways * s, v * s + sideways * c, w)
         mj.mj_step(self.model, self.data)
         limit = TILT_SPEED * self.timestep
         self._tilt += min(max(tilt - self._tilt, -limit), limit)
@@ -132,7 +139,7 @@ class World:
             return []
         found = []
         x, y, yaw = self.data.qpos[:3]
-        speed = float(np.hypot(*self.data.qvel[:2]))
+        speed = self.speed
         for c in self.data.contact[: self.data.ncon]:
             robot, other = (
                 (c.geom1, c.geom2) if c.geom1 in (self._hull, self._mast) else (c.geom2, c.geom1)

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
-from cfnav_interfaces.msg import GroundTruth
-from cfnav_interfaces.srv import EndEpisode, StartEpisode
+from cfnav_interfaces.msg import FaultStatus, GroundTruth
+from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
 from geometry_msgs.msg import Twist, TwistStamped
 from irobot_create_msgs.msg import HazardDetectionVector
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -99,8 +99,15 @@ class Listener:
         self.tilt = self.node.create_publisher(Float64, "camera_tilt/command", 10)
         self.clients = {
             kind: self.node.create_client(kind, f"simulator/{name}")
-            for kind, name in ((StartEpisode, "start_episode"), (EndEpisode, "end_episode"))
+            for kind, name in (
+                (StartEpisode, "start_episode"),
+                (EndEpisode, "end_episode"),
+                (SetFault, "set_fault"),
+            )
         }
+        self.faults = []
+        every = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.node.create_subscription(FaultStatus, "simulator/fault", self.faults.append, every)
 
     def last(self, topic):
         return self.heard[topic][-1]

@@ -122,7 +122,8 @@ def test_quality_of_service(robot, topic):
     (publisher,) = robot.node.get_publishers_info_by_topic(topic)
     qos = publisher.qos_profile
     durability = "TRANSIENT_LOCAL" if topic in LATCHED else "VOLATILE"
-    assert publisher.node_name == "mock_turtlebot4"
+    truth = topic.startswith("ground_truth")
+    assert publisher.node_name == ("simulator" if truth else "mock_turtlebot4")
     assert (qos.reliability.name, qos.durability.name) == ("RELIABLE", durability)
 
 
@@ -272,13 +273,47 @@ def test_episode_of_its_own_room_and_of_another(robot):
     assert "No episode runs" in answer.message
 
 
+def test_start_at_a_pose_with_and_without_a_goal(robot, start):
+    goal = generate_room(*parse_room(ROOM)).goals[0]
+    for wanted in ("", goal):
+        answer = robot.call(StartEpisode, room=ROOM, goal=wanted, seed=3, start=start)
+        assert answer.ok, answer.message
+        assert (answer.x, answer.y, answer.yaw) == pytest.approx(start)
+        assert bool(answer.shortest_actions) == bool(wanted)
+        began = len(robot.heard["ground_truth/state"])
+        robot.wait(lambda n=began + 2: len(robot.heard["ground_truth/state"]) > n, "two states")
+        truth = robot.last("ground_truth/state")
+        assert (truth.goal, truth.collisions) == (wanted, 0)
+        assert (truth.x, truth.y, truth.yaw) == pytest.approx(start, abs=1e-3)
+    assert robot.call(EndEpisode).ok
+
+
+def test_truth_tells_velocity_and_standstill(robot, start):
+    assert robot.call(StartEpisode, room=ROOM, start=start).ok
+    robot.drive(0.0, 0.5, lambda: robot.last("ground_truth/state").w > 0.45, "a turn")
+    assert robot.last("ground_truth/state").still_since == 0.0
+    robot.wait_rest()
+    robot.wait(lambda: robot.last("ground_truth/state").still_since, "standstill")
+    truth = robot.last("ground_truth/state")
+    assert (truth.v, truth.w) == pytest.approx((0.0, 0.0), abs=0.01)
+    turning = [m for m in robot.heard["ground_truth/state"] if abs(m.w) > 0.05]
+    assert seconds(turning[-1].header.stamp) < truth.still_since <= seconds(truth.header.stamp)
+
+
 @pytest.mark.parametrize(
-    ("room", "goal", "words"),
-    [(OTHER_ROOM, "Television", "it has"), ("cellar:1", "Mug", "kitchen")],
+    ("room", "goal", "pose", "words"),
+    [
+        (OTHER_ROOM, "Television", [], "it has"),
+        ("cellar:1", "Mug", [], "kitchen"),
+        (ROOM, "", [], "'' is no known category"),
+        (ROOM, "", [1.0, 1.0], "expected [x, y, yaw]"),
+        (OTHER_ROOM, "", [0.0, 0.0, 0.0], "is not free"),
+        (ROOM, "", [math.nan, 1.0, 0.0], "expected [x, y, yaw]"),
+    ],
 )
-def test_episode_that_cannot_start_says_why(robot, room, goal, words):
+def test_episode_that_cannot_start_says_why(robot, room, goal, pose, words):
     before = robot.last("ground_truth/state")
-    answer = robot.call(StartEpisode, room=room, goal=goal, seed=3)
+    answer = robot.call(StartEpisode, room=room, goal=goal, seed=3, start=pose)
     assert not answer.ok
     assert words in answer.message
     robot.wait(lambda: robot.last("ground_truth/state") is not before, "the next state")

@@ -1,0 +1,186 @@
+"""What one planar scan holds: malformed fields, distinct returns, and where they stand.
+
+Pure: numpy in, numpy out. A place is in base_link (x forward, y left, metres).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+MOST_RANGES = 20_000
+"""More beams in a turn come from no planar scanner."""
+
+SURFACE = 0.1
+"""Neighbouring returns whose ranges differ by at most this share lie on one surface: at a degree
+apart that is a wall seen at 80 degrees from its normal."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One turn of a planar laser scanner, in the fields and units of sensor_msgs/LaserScan.
+
+    ``ranges`` is float32 [N], metres; beam i looks along ``angle_min + i * angle_increment``,
+    radians counter-clockwise in the scanner's frame ``frame``.
+    """
+
+    ranges: np.ndarray
+    angle_min: float
+    angle_max: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    frame: str = ""
+
+
+@dataclass(frozen=True)
+class Mount:
+    """Where the scanner sits in base_link: metres, radians; hung upside down it turns clockwise."""
+
+    x: float
+    y: float
+    yaw: float
+    upside_down: bool = False
+
+    def bearings(self, angle: np.ndarray) -> np.ndarray:
+        """Laser angles as bearings in base_link, radians in [-pi, pi)."""
+        return wrap(self.yaw + (-angle if self.upside_down else angle))
+
+
+@dataclass(frozen=True)
+class View:
+    """One scan seen from base_link.
+
+    Attributes:
+        mount: of the scanner.
+        bearing: float64 [N], of every beam, radians in [-pi, pi).
+        known: bool [N], the beam met something at a range that the scanner measures.
+        masked: bool [N], the beam looks at the robot's own parts.
+        beam: radians between two beams.
+        points: float64 [P, 2], metres, where something stands; the borders of surfaces included.
+        ranges: float64 [P], metres from the scanner to each point.
+        returns: float64 [R], bearing of each distinct return, radians.
+    """
+
+    mount: Mount
+    bearing: np.ndarray
+    known: np.ndarray
+    masked: np.ndarray
+    beam: float
+    points: np.ndarray
+    ranges: np.ndarray
+    returns: np.ndarray
+
+
+def wrap(angle: np.ndarray) -> np.ndarray:
+    """Angles in [-pi, pi), radians."""
+    # Several times faster than the remainder.
+    return angle - 2 * math.pi * np.floor((angle + math.pi) / (2 * math.pi))
+
+
+def malformed(scan: Scan) -> str:
+    """Say in one sentence what is wrong with a scan's fields; empty when nothing is."""
+    count = np.asarray(scan.ranges).size
+    if not 2 <= count <= MOST_RANGES:
+        return f"The scan holds {count} ranges, expected 2 to {MOST_RANGES}."
+    numbers = (scan.angle_min, scan.angle_max, scan.angle_increment, scan.range_min, scan.range_max)
+    if not all(map(math.isfinite, numbers)):
+        return "The scan's angles or range limits are not finite."
+    if not 0 <= scan.range_min < scan.range_max:
+        return f"range_min {scan.range_min:g} and range_max {scan.range_max:g} are no interval."
+    step = abs(scan.angle_increment)
+    if step == 0:
+        return "angle_increment is 0."
+    span = (count - 1) * scan.angle_increment
+    if abs(scan.angle_min + span - scan.angle_max) >= 2 * step:
+        return (
+            f"{count} ranges end at {scan.angle_min + span:.3f} rad, but the scan says angle_max "
+            f"{scan.angle_max:.3f}."
+        )
+    if abs(span) > 2 * math.pi + step:
+        return f"The scan spans {math.degrees(abs(span)):.0f} degrees, expected at most a turn."
+    return ""
+
+
+def measured(ranges: np.ndarray, scan: Scan) -> np.ndarray:
+    """Beams that met something at a range that the scanner measures: bool like ``ranges``."""
+    # Written so that NaN fails. 0 and negative numbers are the driver's "nothing".
+    return (ranges >= scan.range_min) & (ranges <= scan.range_max) & (ranges > 0)
+
+
+def too_near(ranges: np.ndarray, scan: Scan) -> np.ndarray:
+    """Beams that met something nearer than the scanner measures: bool like ``ranges``."""
+    return ((ranges > 0) & (ranges < scan.range_min)) | (ranges == -np.inf)
+
+
+def distinct_returns(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Merge runs of equal values: the A1 driver copies each return into several beams.
+
+    Args:
+        ranges: float [N].
+
+    Returns:
+        (int [M] first beam of each run, int [M] its last beam, float [M] its value).
+    """
+    first = np.flatnonzero(np.concatenate(([True], ranges[1:] != ranges[:-1])))
+    last = np.append(first[1:], len(ranges)) - 1
+    return first, last, ranges[first]
+
+
+def look(scan: Scan, mount: Mount, mask_bearings: np.ndarray, mask_half_width: float) -> View:
+    """See a well-formed scan from base_link.
+
+    The middle of three returns on one surface is averaged with its neighbours (1, 2, 1), because
+    the nearest of many noisy returns is always too near. Where a surface ends, it reaches half a
+    return beyond the last one: its true border lies somewhere before the next beam.
+
+    Args:
+        scan: its fields make sense (``malformed``).
+        mount: of the scanner.
+        mask_bearings: float [M], radians, where the scanner sees the robot itself.
+        mask_half_width: radians around each.
+
+    Returns:
+        What stands where. -inf counts as an obstacle at range_min, as REP-117 has it, and finite
+        ranges under range_min as obstacles where they are, unless they are the robot's own parts.
+    """
+    ranges = np.asarray(scan.ranges, np.float64)
+    bearing = mount.bearings(scan.angle_min + np.arange(ranges.size) * scan.angle_increment)
+    masked = _near_any(bearing, mask_bearings, mask_half_width)
+    first, last, value = distinct_returns(ranges)
+    good, near = measured(value, scan), too_near(value, scan)
+    near &= ~masked[(first + last) // 2]
+    value, surface = _smooth(value, good)
+    value = np.where(value == -np.inf, scan.range_min, value)
+
+    met = good | near
+    begins = met & ~np.append(False, surface)
+    ends = met & ~np.append(surface, False)
+    index = np.concatenate([(first[met] + last[met]) / 2, first[begins] - 0.5, last[ends] + 0.5])
+    distance = np.concatenate([value[met], value[begins], value[ends]])
+    angle = mount.bearings(scan.angle_min + index * scan.angle_increment)
+    points = np.stack(
+        [mount.x + distance * np.cos(angle), mount.y + distance * np.sin(angle)], axis=1
+    )
+    return View(
+        mount, bearing, measured(ranges, scan), masked, abs(scan.angle_increment), points, distance,
+        angle[: int(met.sum())],
+    )  # fmt: skip
+
+
+def _near_any(bearing: np.ndarray, centres: np.ndarray, half_width: float) -> np.ndarray:
+    return (np.abs(wrap(bearing[:, None] - centres[None, :])) <= half_width).any(axis=1)
+
+
+def _smooth(value: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Average along surfaces; also bool [M-1], whether a return and the next share a surface."""
+    a, b = value[:-1], value[1:]
+    both = good[:-1] & good[1:]
+    with np.errstate(invalid="ignore"):  # inf - inf of two beams without a return
+        surface = both & (np.abs(b - a) <= SURFACE * np.minimum(a, b))
+    inner = np.flatnonzero(surface[:-1] & surface[1:]) + 1
+    smooth = value.copy()
+    smooth[inner] = (value[inner - 1] + 2 * value[inner] + value[inner + 1]) / 4
+    return smooth, surface

@@ -1,0 +1,56 @@
+"""The node ``simulator``: what there is only because the robot is simulated.
+
+Ground truth goes straight out: no fault touches it. Its services wait for the mock's loop, so this
+node has a thread of its own and commands to the robot do not wait behind them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+from cfnav_interfaces.msg import FaultStatus, GroundTruth
+from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
+from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+HandOver = Callable[..., Future]
+"""Leaves a function and its arguments for the mock's loop; its value comes with the future."""
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+EVERY_FAULT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class SimulatorNode(Node):
+    """Publishers and services of the simulator.
+
+    Args:
+        hand_over: leaves work for the loop.
+        start_episode, end_episode, set_fault: request and empty response -> response, in the loop.
+    """
+
+    def __init__(
+        self,
+        hand_over: HandOver,
+        start_episode: Callable[[Any, Any], Any],
+        end_episode: Callable[[Any, Any], Any],
+        set_fault: Callable[[Any, Any], Any],
+    ) -> None:
+        super().__init__("simulator")
+        self._hand_over = hand_over
+        publish = self.create_publisher
+        self.truth = publish(GroundTruth, "ground_truth/state", 100)
+        self.map = publish(OccupancyGrid, "ground_truth/map", LATCHED)
+        self.fault = publish(FaultStatus, "simulator/fault", EVERY_FAULT)
+        for kind, name, answer in (
+            (StartEpisode, "start_episode", start_episode),
+            (EndEpisode, "end_episode", end_episode),
+            (SetFault, "set_fault", set_fault),
+        ):
+            self.create_service(kind, f"simulator/{name}", self._in_loop(answer))
+
+    def _in_loop(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """A service callback that waits until the loop has answered."""
+        return lambda request, response: self._hand_over(answer, request, response).result()

@@ -1,0 +1,151 @@
+"""The simulator with its camera, in the room of the moment: what services and start-up ask for.
+
+Knows no ROS: requests and responses are taken as they come. Belongs to one thread, as the camera's
+GL context does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cfnav_core.visibility import VISIBLE_DISTANCE_M
+from sim_bridge.camera import Camera
+from sim_bridge.grid import start_episode, state_grid
+from sim_bridge.room import generate_room, parse_room
+from sim_bridge.simulator import Simulator
+from sim_bridge.world import Pose, World
+
+if TYPE_CHECKING:
+    from sim_bridge.parameters import MockParameters
+
+
+class Stage:
+    """A room, the robot in it and the robot's camera.
+
+    Args:
+        parameters: of the mock.
+
+    Raises:
+        ValueError: with one sentence, when the room makes no sense.
+    """
+
+    def __init__(self, parameters: MockParameters) -> None:
+        self._parameters = parameters
+        world, self.camera = self._build(parameters.room)
+        self.simulator = Simulator(world)
+        self._seen: tuple[tuple, bool] = ((), False)
+
+    @property
+    def world(self) -> World:
+        """The room that the robot is in."""
+        return self.simulator.world
+
+    def put_robot(self) -> None:
+        """Put the robot where the parameters say.
+
+        Raises:
+            ValueError: with one sentence, when that is impossible.
+        """
+        p = self._parameters
+        if p.goal:
+            start = start_episode(self.world, self.camera, p.goal, p.seed)
+            self.simulator.start_episode(p.goal, start)
+        elif p.start:
+            pose = _pose(self.world, p.start)
+            self.simulator.place(pose.x, pose.y, pose.yaw)
+        else:
+            self._put_anywhere(p.seed)
+
+    def start_episode(self, request: Any, response: Any) -> bool:
+        """Answer a StartEpisode.
+
+        Returns:
+            Whether the robot is in another room now.
+        """
+        world, camera = self.world, self.camera
+        new_room = request.room != world.room.name
+        try:
+            if new_room:
+                world, camera = self._build(request.room)
+            self._start(world, camera, request, response)
+        except ValueError as error:
+            if camera is not self.camera:
+                camera.close()
+            response.message = str(error)
+            return False
+        if camera is not self.camera:
+            self.camera.close()
+            self.camera = camera
+        return new_room
+
+    def end_episode(self, response: Any) -> None:
+        """Answer an EndEpisode."""
+        goal = self.simulator.goal
+        try:
+            account = self.simulator.end_episode()
+        except RuntimeError as error:
+            response.message = str(error)
+            return
+        response.ok = True
+        response.goal_visible = self.camera.goal_visible(goal)
+        response.collisions = account.collisions
+        response.path_length = account.path_length
+        response.shortest_path = account.shortest_path
+
+    def goal_visible(self) -> bool:
+        """Whether the episode's goal is in view; drawing to find out costs as much as a picture."""
+        if self.simulator.goal_distance() > VISIBLE_DISTANCE_M:
+            return False
+        pose = self.world.pose
+        here = tuple(round(value, 4) for value in (pose.x, pose.y, pose.yaw, pose.tilt))
+        key = (self.simulator.goal, id(self.camera), here)
+        if self._seen[0] != key:
+            self._seen = key, self.camera.goal_visible(self.simulator.goal)
+        return self._seen[1]
+
+    def _build(self, room: str) -> tuple[World, Camera]:
+        world = World(generate_room(*parse_room(room)))
+        size = self._parameters.camera_size
+        return world, Camera(world, width=size, height=size)
+
+    def _start(self, world: World, camera: Camera, request: Any, response: Any) -> None:
+        """Put the robot at the start, once nothing can fail any more."""
+        at = _pose(world, request.start) if len(request.start) else None
+        start = None
+        if request.goal or at is None:
+            start = start_episode(world, camera, request.goal, request.seed, at)
+            response.shortest_path = start.shortest_path
+            response.shortest_actions = start.shortest_actions
+            at = Pose(start.x, start.y, start.yaw)
+        assert at is not None
+        if world is not self.world:
+            self.simulator.enter(world)
+        if start is None:
+            self.simulator.place(at.x, at.y, at.yaw)
+        else:
+            self.simulator.start_episode(request.goal, start)
+        response.ok = True
+        response.x, response.y, response.yaw = at.x, at.y, at.yaw
+
+    def _put_anywhere(self, seed: int) -> None:
+        """Put the robot on a reachable place of the grid, drawn from the seed."""
+        grid = state_grid(self.world)
+        state = np.random.default_rng(seed).integers(len(grid.next_state))
+        pose = grid.pose(int(state))
+        self.simulator.place(pose.x, pose.y, pose.yaw)
+
+
+def _pose(world: World, start: Sequence[float]) -> Pose:
+    """A free start pose from x m, y m, yaw rad."""
+    numbers = [float(value) for value in start]
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"start is {numbers}; expected [x, y, yaw] in m, m, rad.")
+    x, y, yaw = numbers
+    inside = 0 < x < world.room.width and 0 < y < world.room.depth
+    if not (inside and world.free(x, y)):
+        raise ValueError(f"start ({x}, {y}) is not free in {world.room.name}; choose another.")
+    return Pose(x, y, yaw)
