@@ -72,7 +72,7 @@ LIMITS_S = {
     "tilt": _EPISODE.ages.tilt,
     "stall": _EPISODE.motion.stall_time,
     "tilt motion": _EPISODE.tilt_timeout,
-    "stale scan": 0.4,
+    "stale scan": 0.4 + 0.1,
     "blind scan": 2 * SCAN_PERIOD,
     "frozen": 1.0,
     "mounting": 3.0,
@@ -84,7 +84,7 @@ LIMITS_S = {
     "request": 0.1,
 }
 """Detection limits, s: ages, stall and tilt from the episode's limits; a scan's age from the LiDAR
-node; a blind scan is told by the second one; frozen payloads with new stamps; a wrong mounting
+node, with the period of its look at silence; a blind scan is told by the second one; frozen payloads with new stamps; a wrong mounting
 after about twenty scans; a look at the graph each second; the clock's grace and the period of its
 watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the bumper; a
 signal or a request is seen at the executor's next turn."""
