@@ -14,13 +14,13 @@ from cfnav_ros.lidar import SweptDisc
 from cfnav_ros.motion import Motion, Odometry, Status
 from cfnav_ros.returns import Scan, distinct_returns, measured
 from cfnav_ros.sweep import free_way
-
-from cfnav_core.actions import STEP_M, Action
-from sim_bridge import rplidar
 from sim_bridge.grid import state_grid
 from sim_bridge.room import generate_room
 from sim_bridge.simulator import Simulator
 from sim_bridge.world import World
+
+from cfnav_core.actions import STEP_M, Action
+from sim_bridge import rplidar
 
 PERIOD_STEPS = 5
 """Physics steps between two updates of the executor: 20 Hz."""

@@ -84,10 +84,11 @@ LIMITS_S = {
     "request": 0.1,
 }
 """Detection limits, s: ages, stall and tilt from the episode's limits; a scan's age from the LiDAR
-node, with the period of its look at silence; a blind scan is told by the second one; frozen payloads with new stamps; a wrong mounting
-after about twenty scans; a look at the graph each second; the clock's grace and the period of its
-watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the bumper; a
-signal or a request is seen at the executor's next turn."""
+node, with the period of its look at silence; a blind scan is told by the second one; frozen
+payloads with new stamps; a wrong mounting after about twenty scans; a look at the graph each
+second; the clock's grace and the period of its watch; the policy node's look at cmd_vel; the base's
+own time-out; two reports of the bumper; a signal or a request is seen at the executor's next turn.
+"""
 
 
 @dataclass(frozen=True)
