@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.action import NavigateToObject
-from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, MotionEstimate, PolicyDecision
 from geometry_msgs.msg import Twist, TwistStamped
 from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
 from nav_msgs.msg import Odometry as OdometryMessage
@@ -121,6 +121,7 @@ def scan_from_message(message: LaserScan) -> Scan:
         message.angle_increment,
         message.range_min,
         message.range_max,
+        message.header.frame_id,
     )
 
 
@@ -133,6 +134,15 @@ def estimate_to_message(estimate: Estimate, stamp: Time) -> CollisionEstimate:
         verdict=int(estimate.verdict),
         reason=estimate.reason,
         known_fraction=estimate.known_fraction,
+        others=[
+            MotionEstimate(
+                motion=other.motion,
+                probability=other.probability,
+                clearance=other.clearance,
+                verdict=int(other.verdict),
+            )
+            for other in estimate.others
+        ],
     )
 
 

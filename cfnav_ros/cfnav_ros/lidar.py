@@ -145,6 +145,7 @@ def estimate_collision(
     disc: SweptDisc = SweptDisc(),
     errors: ErrorModel = NOMINAL,
     mount: Mount | None = None,
+    before: np.ndarray | None = None,
 ) -> Estimate:
     """Judge the next MoveAhead, and the motions of ``OTHERS``, from one scan.
 
@@ -153,6 +154,7 @@ def estimate_collision(
         disc: geometry and thresholds.
         errors: the error model; it states the formula of the probability.
         mount: of the scanner, that of ``disc`` when None.
+        before: ranges of the scan before, float32 [N], which a lone near return must be in.
 
     Returns:
         The estimate. A return closer than the scanner's minimum counts as an obstacle there, +inf
@@ -163,9 +165,8 @@ def estimate_collision(
     fault = malformed(scan)
     if fault:
         return blind(fault)
-    view = look(
-        scan, mount or disc.mount, disc.mask_bearings, math.radians(disc.mask_half_width_deg)
-    )
+    half_width = math.radians(disc.mask_half_width_deg)
+    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, before)
     turn = _turn(view, disc, errors)
     others = (*(replace(turn, motion=name) for name in OTHERS[:2]), _back(view, scan, disc, errors))
     known, arc, returns = _quality(view, 0.0, disc.sector_deg, disc)
@@ -173,12 +174,17 @@ def estimate_collision(
     if fault:
         return replace(blind(fault, known), unknown_arc=arc, others=others)
     probability, clearance = _sweep(view, 0.0, disc, errors, scan.range_max)
-    if known >= disc.good_known and arc <= disc.good_arc_deg:
-        return Estimate(probability, clearance, Verdict.GOOD, "", known, arc, others)
-    reason = (
-        f"{known:.0%} of the forward beams return, the longest unknown arc is {arc:.0f} degrees."
-    )
-    return Estimate(probability, clearance, Verdict.DEGRADED, reason, known, arc, others)
+    verdict = _verdict(known, arc, disc)
+    reason = ""
+    if verdict is not Verdict.GOOD:
+        reason = (
+            f"{known:.0%} of the forward beams return, the longest unknown arc is {arc:.0f} "
+            "degrees."
+        )
+    elif view.ghosts:
+        verdict = Verdict.DEGRADED
+        reason = f"{view.ghosts} lone near returns are left out: the scan before had them not."
+    return Estimate(probability, clearance, verdict, reason, known, arc, others)
 
 
 def blind(reason: str, known: float = 0.0) -> Estimate:
@@ -198,7 +204,8 @@ def _sweep(
     gaps = _gaps(view, heading, math.pi / 2, view.known)
     hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
     way = free_way(turned, disc.radius + disc.margin).min(initial=limit)
-    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - errors.unseen), max(float(way), 0.0)
+    unseen = errors.unseen_near if way < disc.step + errors.overhang else errors.unseen
+    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(way), 0.0)
 
 
 def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:

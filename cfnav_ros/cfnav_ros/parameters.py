@@ -15,7 +15,9 @@ from rclpy.node import Node
 
 from cfnav_ros.episode import EpisodeLimits
 from cfnav_ros.lidar import SweptDisc
+from cfnav_ros.mounting import SOURCES
 from cfnav_ros.preflight import TYPES
+from cfnav_ros.sweep import ErrorModel
 
 T = TypeVar("T")
 
@@ -60,14 +62,39 @@ class PolicyParameters:
 class LidarParameters:
     """Parameters of ``lidar_collision_node``."""
 
-    stale: float = field(default=0.4, metadata={"help": "age of a scan that is no sight, s"})
-    stale_rate: float = field(default=10.0, metadata={"help": "BLIND per second while stale"})
+    stale: float = field(
+        default=0.4,
+        metadata={"help": "age of a scan that is no sight, s", "min": 0.05, "max": 10.0},
+    )
+    stale_rate: float = field(
+        default=10.0, metadata={"help": "BLIND per second while stale", "min": 1.0, "max": 100.0}
+    )
+    frozen: float = field(
+        default=1.0,
+        metadata={
+            "help": "ranges that stay the same this long are no sight, s; 0: a noiseless simulator",
+            "min": 0.0,
+            "max": 3600.0,
+        },
+    )
+    mount: str = field(
+        default="auto", metadata={"help": "mounting: auto (TF where it is there), tf or parameters"}
+    )
+    base_frame: str = field(default="base_link", metadata={"help": "frame of the robot in TF"})
+    frame: str = field(
+        default="rplidar_link", metadata={"help": "frame that scans must come from; empty: any"}
+    )
     disc: SweptDisc = field(default_factory=SweptDisc)
+    errors: ErrorModel = field(default_factory=ErrorModel)
 
     def __post_init__(self) -> None:
         for name in ("stale", "stale_rate"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected a positive number.")
+        if self.frozen < 0:
+            raise ValueError(f"frozen is {self.frozen}, expected 0 or more.")
+        if self.mount not in SOURCES:
+            raise ValueError(f"mount is {self.mount!r}, expected {', '.join(SOURCES)}.")
 
 
 def declare(node: Node, kind: type[T]) -> T:

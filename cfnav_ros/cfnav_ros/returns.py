@@ -17,6 +17,13 @@ SURFACE = 0.1
 """Neighbouring returns whose ranges differ by at most this share lie on one surface: at a degree
 apart that is a wall seen at 80 degrees from its normal."""
 
+LONE_M, LONE_DEG = 0.3, 1.2
+"""A single return nearer than this would be a thing narrower than 6 mm: rather a ghost of the
+triangulation (laser_filters#105), unless the scan before had it too."""
+
+AGAIN_M, AGAIN_DEG = 0.1, 3.5
+"""It had it when it returned this near to the same place; the robot moves 0.03 m between scans."""
+
 
 @dataclass(frozen=True)
 class Scan:
@@ -62,6 +69,7 @@ class View:
         points: float64 [P, 2], metres, where something stands; the borders of surfaces included.
         ranges: float64 [P], metres from the scanner to each point.
         returns: float64 [R], bearing of each distinct return, radians.
+        ghosts: lone near returns that were left out.
     """
 
     mount: Mount
@@ -72,6 +80,7 @@ class View:
     points: np.ndarray
     ranges: np.ndarray
     returns: np.ndarray
+    ghosts: int
 
 
 def wrap(angle: np.ndarray) -> np.ndarray:
@@ -129,18 +138,26 @@ def distinct_returns(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     return first, last, ranges[first]
 
 
-def look(scan: Scan, mount: Mount, mask_bearings: np.ndarray, mask_half_width: float) -> View:
+def look(
+    scan: Scan,
+    mount: Mount,
+    mask_bearings: np.ndarray,
+    mask_half_width: float,
+    before: np.ndarray | None = None,
+) -> View:
     """See a well-formed scan from base_link.
 
     The middle of three returns on one surface is averaged with its neighbours (1, 2, 1), because
     the nearest of many noisy returns is always too near. Where a surface ends, it reaches half a
-    return beyond the last one: its true border lies somewhere before the next beam.
+    return beyond the last one: its true border lies somewhere before the next beam. A lone return
+    close by that the scan before had not is left out.
 
     Args:
         scan: its fields make sense (``malformed``).
         mount: of the scanner.
-        mask_bearings: float [M], radians, where the scanner sees the robot itself.
+        mask_bearings: float64 [M], radians, where the scanner sees the robot itself.
         mask_half_width: radians around each.
+        before: ranges of the scan before, float32 [N]; None or of another size: unknown.
 
     Returns:
         What stands where. -inf counts as an obstacle at range_min, as REP-117 has it, and finite
@@ -154,20 +171,34 @@ def look(scan: Scan, mount: Mount, mask_bearings: np.ndarray, mask_half_width: f
     near &= ~masked[(first + last) // 2]
     value, surface = _smooth(value, good)
     value = np.where(value == -np.inf, scan.range_min, value)
+    begins, ends = ~np.append(False, surface), ~np.append(surface, False)
+
+    step = abs(scan.angle_increment)
+    lone = begins & ends & ((last - first + 1) * step <= math.radians(LONE_DEG))
+    suspects = np.flatnonzero(good & lone & (value < LONE_M))
+    ghosts = [k for k in suspects if not _again(before, ranges.size, first[k], value[k], step)]
+    good[ghosts] = False
 
     met = good | near
-    begins = met & ~np.append(False, surface)
-    ends = met & ~np.append(surface, False)
+    begins, ends = begins & met, ends & met
     index = np.concatenate([(first[met] + last[met]) / 2, first[begins] - 0.5, last[ends] + 0.5])
     distance = np.concatenate([value[met], value[begins], value[ends]])
     angle = mount.bearings(scan.angle_min + index * scan.angle_increment)
     points = np.stack(
         [mount.x + distance * np.cos(angle), mount.y + distance * np.sin(angle)], axis=1
     )
-    return View(
-        mount, bearing, measured(ranges, scan), masked, abs(scan.angle_increment), points, distance,
-        angle[: int(met.sum())],
-    )  # fmt: skip
+    known = np.repeat(good, last - first + 1)
+    returns = angle[: int(met.sum())]
+    return View(mount, bearing, known, masked, step, points, distance, returns, len(ghosts))
+
+
+def _again(before: np.ndarray | None, size: int, first: int, value: float, step: float) -> bool:
+    """Whether the scan before had a return at this place; an unknown one may have had it."""
+    if before is None or len(before) != size:
+        return True
+    aside = round(math.radians(AGAIN_DEG) / step)
+    there = before[max(first - aside, 0) : first + aside + 1]
+    return bool((np.abs(there - value) <= AGAIN_M).any())
 
 
 def _near_any(bearing: np.ndarray, centres: np.ndarray, half_width: float) -> np.ndarray:

@@ -9,50 +9,17 @@ from cfnav_ros.lidar import (
     Scan,
     SweptDisc,
     Verdict,
-    collision_probability,
-    distinct_returns,
     estimate_collision,
 )
+from cfnav_ros.returns import Mount, distinct_returns
+from cfnav_ros.sweep import NOMINAL, ErrorModel, free_way, hidden_probability, seen_probability
+
+from tests.ros.lidar_scans import replaced, room, scan_of, wall_ahead
 
 DISC = SweptDisc()
 REACH = DISC.radius + DISC.margin
-
-
-def scan_of(distance, returns=360, copies=3):
-    """A scan like the A1 driver's: distance(bearing in the LiDAR's base-aligned frame) -> metres.
-
-    The LiDAR's own x-axis points left of the robot, so bearing 0 is laser angle -pi/2.
-    """
-    angle_min, angle_max = -3.12414, math.pi
-    count = returns * copies
-    increment = (angle_max - angle_min) / (count - 1)
-    centres = angle_min + (np.arange(returns) * copies + (copies - 1) / 2) * increment
-    values = np.array([distance(angle + math.pi / 2) for angle in centres], np.float32)
-    return Scan(np.repeat(values, copies), angle_min, angle_max, increment, 0.15, 12.0)
-
-
-def wall_ahead(base_x, else_at=3.0):
-    """A wall across the way at base_x in base_link, everything else 3 m away."""
-
-    def distance(bearing):
-        forward = math.cos(bearing)
-        return min((base_x + 0.04) / forward, else_at) if forward > 0.05 else else_at
-
-    return distance
-
-
-def room(bearing):
-    """Something at 3 m all round, never twice the same value."""
-    return 3.0 + 0.1 * math.sin(bearing)
-
-
-def replaced(scan, value, low_deg, high_deg):
-    """The scan with every beam between two bearings (base frame) set to a value."""
-    bearing = scan.angle_min + np.arange(scan.ranges.size) * scan.angle_increment + math.pi / 2
-    bearing = np.degrees((bearing + math.pi) % (2 * math.pi) - math.pi)
-    ranges = scan.ranges.copy()
-    ranges[(bearing >= low_deg) & (bearing <= high_deg)] = value
-    return dataclasses.replace(scan, ranges=ranges)
+NEAR = NOMINAL.unseen_near + 0.005
+"""No less can be said of a free way beside things: some of them reach out above the plane."""
 
 
 @pytest.mark.parametrize("base_x", [0.25, 0.40, 0.55, 1.0])
@@ -64,23 +31,90 @@ def test_wall_ahead_gives_the_distance_to_contact(base_x):
     assert estimate.known_fraction == pytest.approx(1.0, abs=0.01)
 
 
-def test_probability_is_half_at_step_plus_bias_and_falls_with_clearance():
-    assert collision_probability(DISC.step + DISC.bias, DISC) == pytest.approx(0.5)
-    # By hand: 0.03 m closer is one scale, 1 / (1 + e^-1).
-    assert collision_probability(DISC.step + DISC.bias - 0.03, DISC) == pytest.approx(
-        0.731, abs=1e-3
-    )
-    values = [collision_probability(c, DISC) for c in np.linspace(0, 12, 200)]
+EXACT = ErrorModel(bearing_deg=0.0, heading_deg=0.0, end=0.01, end_bias=0.0, scale=0.0)
+
+
+def one_point(x, y=0.0, errors=EXACT, range_m=0.0):
+    """Probability of touching a single point; no range error unless a range is given."""
+    return seen_probability(np.array([[x, y]]), np.array([range_m]), 0.175, 0.25, errors)
+
+
+def test_the_free_way_of_a_disc_by_hand():
+    points = np.array([[0.5, 0.0], [0.5, 0.105], [0.5, 0.2], [-0.2, 0.0]])
+    # 0.5 - 0.175; sqrt(0.175^2 - 0.105^2) = 0.14; beside the disc; behind it.
+    assert free_way(points, 0.175) == pytest.approx([0.325, 0.36, math.inf, math.inf])
+
+
+def test_the_probability_of_one_point_by_hand():
+    assert one_point(0.425) == pytest.approx(0.5)  # the way is the step
+    # One centimetre is one sigma: Phi(1) and Phi(-1); two: Phi(-2).
+    assert one_point(0.415) == pytest.approx(0.8413, abs=1e-3)
+    assert one_point(0.435) == pytest.approx(0.1587, abs=1e-3)
+    assert one_point(0.445) == pytest.approx(0.0228, abs=1e-3)
+    # The range's own error: 0.5 % of 2 m is another centimetre, so sigma is 0.01 sqrt(2).
+    assert one_point(0.435, range_m=2.0) == pytest.approx(0.2398, abs=1e-3)
+
+
+def test_a_grazed_point_is_uncertain_and_not_all_or_nothing():
+    """At 0.2 m a degree is 3.5 mm: half of the turns touch at the hull's edge."""
+    turning = dataclasses.replace(EXACT, heading_deg=1.0)
+    assert one_point(0.20, 0.170) > 0.99
+    assert one_point(0.20, 0.180) == 0.0
+    assert 0.4 < one_point(0.20, 0.1745, turning) < 0.7
+    values = [one_point(0.20, y, turning) for y in np.linspace(0.16, 0.20, 41)]
     assert values == sorted(values, reverse=True)
-    assert values[0] > 0.99
-    assert values[-1] < 1e-6
+    assert max(np.abs(np.diff(values))) < 0.15
+
+
+def test_nearer_is_never_safer():
+    values = [
+        estimate_collision(scan_of(wall_ahead(x))).probability for x in np.linspace(0.2, 1.2, 201)
+    ]
+    assert values == sorted(values, reverse=True)
+    assert values[0] > 0.999
+    assert values[-1] == pytest.approx(NOMINAL.unseen, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_left_and_right_are_alike(seed):
+    rng = np.random.default_rng(seed)
+    ranges = np.repeat(rng.uniform(0.25, 0.9, 360).astype(np.float32), 3)
+    ranges[rng.random(1080) < 0.1] = np.inf
+    scan = dataclasses.replace(scan_of(room), ranges=ranges)
+    disc = SweptDisc(mount_yaw_deg=0.0)
+    # Beam i looks along angle_min + i * increment, so the mirrored scan begins at -angle_max.
+    mirrored = dataclasses.replace(
+        scan, ranges=ranges[::-1].copy(), angle_min=-scan.angle_max, angle_max=-scan.angle_min
+    )
+    one, other = estimate_collision(scan, disc), estimate_collision(mirrored, disc)
+    assert one.probability == pytest.approx(other.probability, abs=1e-6)
+    assert one.clearance == pytest.approx(other.clearance, abs=1e-6)
+    assert one.known_fraction == pytest.approx(other.known_fraction, abs=0.01)
+
+
+def test_what_an_unknown_arc_hides_by_hand():
+    """Straight ahead beams leave the swept area 0.425 + 0.04 m from the LiDAR."""
+    scanner, flat = (-0.04, 0.0), ErrorModel(thinnest=0.0)
+
+    def arc(width_deg, centre_deg=0.0, errors=flat):
+        half, centre = math.radians(width_deg) / 2, math.radians(centre_deg)
+        gap = np.array([[centre - half, centre + half]])
+        return hidden_probability(gap, scanner, 0.175, 0.25, errors)
+
+    assert arc(10) == pytest.approx(0.465 * math.radians(10) / 0.35, rel=0.02)
+    assert arc(3, errors=NOMINAL) == 0.0  # 2.4 cm: nothing is that thin
+    assert arc(20, errors=NOMINAL) == pytest.approx((0.465 * 0.349 - 0.03) / 0.35, rel=0.03)
+    assert arc(30, 150) == 0.0  # behind the robot
+    # A post at 58.3 degrees hides 5.2: its beams leave the corridor after 0.206 m, 1.9 cm wide.
+    assert arc(5.2, 58.3) == pytest.approx(0.206 * math.radians(5.2) / 0.35, rel=0.02)
+    assert arc(5.2, 58.3, NOMINAL) == 0.0
 
 
 def test_a_blocked_and_a_free_way():
     blocked = estimate_collision(scan_of(wall_ahead(0.25 + REACH - 0.05)))
     free = estimate_collision(scan_of(wall_ahead(0.25 + REACH + 0.15)))
     assert blocked.probability > 0.8
-    assert free.probability < 0.02
+    assert free.probability < NEAR
 
 
 def test_a_wall_alongside_is_no_obstacle():
@@ -90,7 +124,7 @@ def test_a_wall_alongside_is_no_obstacle():
 
     estimate = estimate_collision(scan_of(corridor))
     assert estimate.verdict is Verdict.GOOD
-    assert estimate.probability < 0.01
+    assert estimate.probability < NEAR
 
 
 def test_a_chair_leg_off_centre_counts_where_the_disc_meets_it():
@@ -110,13 +144,13 @@ def test_only_what_is_ahead_matters():
         estimate = estimate_collision(
             replaced(scan_of(room), 0.25, centre - 20, min(centre + 20, 180))
         )
-        assert estimate.probability < 0.01, centre
+        assert estimate.probability < NEAR, centre
 
 
 def test_the_mounting_decides_what_is_ahead():
     """Laser angle 0 is the robot's left; taken for forward it would block the way."""
     left = replaced(scan_of(room), 0.35, 80, 100)
-    assert estimate_collision(left).probability < 0.01
+    assert estimate_collision(left).probability < NEAR
     assert estimate_collision(left, SweptDisc(mount_yaw_deg=0.0)).probability > 0.9
 
 
@@ -156,7 +190,7 @@ def test_scattered_missing_returns_are_normal():
     )
     assert estimate.verdict is Verdict.GOOD
     assert 0.85 < estimate.known_fraction < 0.95
-    assert estimate.probability < 0.01
+    assert estimate.probability < NEAR
 
 
 @pytest.mark.parametrize("value", [0.10, -math.inf])
@@ -168,7 +202,7 @@ def test_a_return_under_range_min_is_an_obstacle(value):
 
 def test_the_robots_own_posts_are_no_obstacle():
     scan = replaced(replaced(scan_of(room), 0.134, 56, 60), 0.134, -60, -56)
-    assert estimate_collision(scan).probability < 0.01
+    assert estimate_collision(scan).probability < NEAR
     assert estimate_collision(scan).verdict is Verdict.GOOD
     unmasked = SweptDisc(mask_bearings_deg="")
     assert estimate_collision(scan, unmasked).probability > 0.99
@@ -227,13 +261,65 @@ def test_a_scanner_that_looks_away_is_blind():
 
 
 def test_runs_of_equal_values_are_one_return():
-    index, value = distinct_returns(np.array([1.0, 1.0, 1.0, 2.0, np.inf, np.inf]))
-    assert index.tolist() == [1.0, 3.0, 4.5]
+    first, last, value = distinct_returns(np.array([1.0, 1.0, 1.0, 2.0, np.inf, np.inf]))
+    assert (first.tolist(), last.tolist()) == ([0, 3, 4], [2, 3, 5])
     assert value.tolist() == [1.0, 2.0, np.inf]
 
 
 def test_bad_settings_are_refused_with_a_sentence():
     with pytest.raises(ValueError, match="mask_bearings_deg is 'left'"):
         SweptDisc(mask_bearings_deg="left")
-    with pytest.raises(ValueError, match="scale is 0"):
-        SweptDisc(scale=0)
+    with pytest.raises(ValueError, match="radius is 0"):
+        SweptDisc(radius=0)
+    with pytest.raises(ValueError, match=r"errors\.end is 0"):
+        ErrorModel(end=0)
+
+
+# Other motions
+
+
+def others(scan):
+    return {other.motion: other for other in estimate_collision(scan).others}
+
+
+def test_a_turn_touches_only_what_the_hull_touches():
+    free = others(scan_of(room))
+    beside = others(replaced(scan_of(room), 0.30, 80, 100))  # 0.30 m to the left
+    touching = others(replaced(scan_of(room), 0.172, 86, 94))
+    for side in ("RotateLeft", "RotateRight"):
+        assert free[side].probability < 1e-6
+        assert free[side].verdict is Verdict.GOOD
+        assert beside[side].clearance == pytest.approx(math.hypot(0.30, 0.04) - 0.175, abs=0.01)
+        assert beside[side].probability < 1e-6
+        assert touching[side].probability > 0.3
+
+
+def test_backing_off_is_never_sure():
+    """The camera's bracket hides the middle of the way, so it is never GOOD."""
+    back = others(scan_of(room))["MoveBack"]
+    assert back.verdict is Verdict.DEGRADED
+    assert back.probability < 0.15
+    wall = others(replaced(replaced(scan_of(room), 0.35, 150, 180), 0.35, -180, -150))["MoveBack"]
+    # By hand: the LiDAR stands 0.04 m nearer to what is behind.
+    assert wall.clearance == pytest.approx(0.35 + 0.04 - REACH, abs=0.02)
+    assert wall.probability > 0.9
+    touching = replaced(replaced(scan_of(room), math.inf, 140, 180), math.inf, -180, -140)
+    assert others(touching)["MoveBack"].verdict is Verdict.BLIND  # nearer than range_min
+
+
+def test_a_malformed_scan_judges_no_motion():
+    for other in estimate_collision(dataclasses.replace(scan_of(room), angle_increment=0.0)).others:
+        assert (other.verdict, other.probability, other.clearance) == (Verdict.BLIND, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("rear_deg", [180, 135])
+def test_a_scanner_that_hangs_upside_down(rear_deg):
+    """It turns clockwise: the same ranges in reverse order are the same room."""
+    scan = replaced(scan_of(wall_ahead(0.5)), 0.5, rear_deg - 45, rear_deg)
+    hung = dataclasses.replace(
+        scan, ranges=scan.ranges[::-1].copy(), angle_min=-scan.angle_max, angle_max=-scan.angle_min
+    )
+    mount = Mount(-0.04, 0.0, math.pi / 2, upside_down=True)
+    assert estimate_collision(hung, mount=mount).clearance == pytest.approx(
+        estimate_collision(scan).clearance, abs=1e-6
+    )

@@ -1,5 +1,6 @@
 """The LiDAR collision node as a process: scans in, estimates out, silence and bad scans BLIND."""
 
+import dataclasses
 import math
 import os
 import signal
@@ -10,79 +11,29 @@ from array import array
 
 import numpy as np
 import pytest
-from cfnav_ros.lidar import Scan, SweptDisc, Verdict, estimate_collision
-from cfnav_ros.scan_watch import ScanWatch
+from cfnav_ros.lidar import OTHERS, estimate_collision
 
 pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from cfnav_interfaces.msg import CollisionEstimate  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from geometry_msgs.msg import TransformStamped  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
+from tf2_msgs.msg import TFMessage  # noqa: E402
+
+from tests.ros.lidar_scans import behind_posts, noisy, scan_of, wall_ahead  # noqa: E402
 
 DEADLINE_S = 60.0
 
 
-def room_scan(ahead=3.0):
-    """1080 ranges as the A1 driver sends them: a wall ahead (base frame), 3 m elsewhere."""
-    angle_min, angle_max = -3.12414, math.pi
-    increment = (angle_max - angle_min) / 1079
-    bearing = angle_min + (np.arange(360) * 3 + 1) * increment + math.pi / 2
-    forward = np.maximum(np.cos(bearing), 0.05)
-    ranges = np.minimum((ahead + 0.04) / forward, 3.0 + 0.1 * np.sin(bearing))
-    ranges = np.repeat(ranges.astype(np.float32), 3)
-    return Scan(ranges, angle_min, angle_max, increment, 0.15, 12.0)
-
-
-# In time, without ROS
-
-
-def test_a_fresh_scan_is_judged():
-    watch = ScanWatch(0.4, SweptDisc())
-    assert watch.scan(10.1, 10.0, room_scan()) == estimate_collision(room_scan())
-    assert watch.silence(10.35) is None
-
-
-def test_silence_is_blind():
-    watch = ScanWatch(0.4, SweptDisc())
-    assert watch.silence(5.0).reason == "No scan has arrived."
-    watch.scan(10.0, 10.0, room_scan())
-    blind = watch.silence(10.5)
-    assert (blind.verdict, blind.probability, blind.clearance) == (Verdict.BLIND, 1.0, 0.0)
-    assert blind.reason == "The newest scan is 0.50 s old."
-    assert watch.scan(10.6, 10.55, room_scan()).verdict is Verdict.GOOD
-    assert watch.silence(10.7) is None
-
-
-@pytest.mark.parametrize("late", [0.5, 1.0, 5.0])
-def test_a_late_scan_is_blind(late):
-    assert ScanWatch(0.4, SweptDisc()).scan(10.0, 10.0 - late, room_scan()).verdict is Verdict.BLIND
-
-
-def test_a_scan_from_the_future_is_blind():
-    watch = ScanWatch(0.4, SweptDisc())
-    estimate = watch.scan(10.0, 12.0, room_scan())
-    assert estimate.reason == "The scan is stamped 2.0 s in the future."
-    assert watch.silence(10.0) is not None  # it does not count as seen
-
-
-def test_a_repeated_stamp_is_no_new_scan():
-    watch = ScanWatch(0.4, SweptDisc())
-    watch.scan(10.0, 10.0, room_scan())
-    assert watch.scan(10.1, 10.0, room_scan()) is None
-    assert watch.scan(10.1, 9.9, room_scan()) is None
-    assert watch.silence(10.5) is not None
-
-
-def test_a_clock_that_starts_again_is_followed():
-    watch = ScanWatch(0.4, SweptDisc())
-    watch.scan(100.0, 100.0, room_scan())
-    assert watch.scan(1.0, 1.0, room_scan()).verdict is Verdict.GOOD
-
-
-# As a process
+def room_scan(ahead=2.5):
+    """A wall ahead (base frame), 3 m elsewhere, behind the robot's own posts."""
+    return behind_posts(scan_of(wall_ahead(ahead)))
 
 
 class Lidar:
@@ -94,19 +45,31 @@ class Lidar:
         self.node = Node("rplidar", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.heard = []
+        self.heard, self.told = [], []
         self.scans = self.node.create_publisher(LaserScan, "scan", 10)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.transforms = self.node.create_publisher(TFMessage, "tf_static", latched)
         self.node.create_subscription(CollisionEstimate, "collision/estimate", self.heard.append, 5)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self.told.append, 5)
 
-    def send(self, scan):
+    def send(self, scan, stamp=None):
         message = LaserScan(range_min=scan.range_min, range_max=scan.range_max)
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        message.header.frame_id = "rplidar_link"
+        message.header.stamp = stamp or self.node.get_clock().now().to_msg()
+        message.header.frame_id = scan.frame
         message.angle_min, message.angle_max = scan.angle_min, scan.angle_max
         message.angle_increment = scan.angle_increment
         message.ranges = array("f", scan.ranges.astype(np.float32).tobytes())
         self.scans.publish(message)
         return message.header.stamp
+
+    def transform(self, yaw):
+        """Says on TF how rplidar_link is turned on base_link."""
+        stamped = TransformStamped(child_frame_id="rplidar_link")
+        stamped.header.frame_id = "base_link"
+        stamped.transform.translation.x = -0.04
+        stamped.transform.rotation.z = math.sin(yaw / 2)
+        stamped.transform.rotation.w = math.cos(yaw / 2)
+        self.transforms.publish(TFMessage(transforms=[stamped]))
 
     def wait(self, condition, what):
         end = time.monotonic() + DEADLINE_S
@@ -166,6 +129,8 @@ def test_the_node(graph):
         assert (message.verdict, message.reason) == (CollisionEstimate.GOOD, "")
         assert message.known_fraction == pytest.approx(expected.known_fraction)
         assert message.header.frame_id == "base_link"
+        assert [other.motion for other in message.others] == list(OTHERS)
+        assert message.others[2].clearance == pytest.approx(expected.others[2].clearance, abs=1e-5)
 
     for value in (math.inf, math.nan):
         scan = room_scan()
@@ -174,8 +139,8 @@ def test_the_node(graph):
         assert (message.verdict, message.probability) == (CollisionEstimate.BLIND, 1.0)
         assert message.clearance == 0.0
     scan = room_scan()
-    empty = Scan(scan.ranges[:0], *(getattr(scan, f) for f in list(vars(scan))[1:]))
-    assert lidar.ask(empty).reason == "The scan holds 0 ranges, expected at least 2."
+    empty = dataclasses.replace(scan, ranges=scan.ranges[:0])
+    assert lidar.ask(empty).reason == "The scan holds 0 ranges, expected 2 to 20000."
     assert lidar.ask(room_scan()).verdict == CollisionEstimate.GOOD
 
     # Silence: from 0.4 s on BLIND, ten times a second.
@@ -207,3 +172,82 @@ def test_a_bad_parameter_gives_one_sentence_and_exit_code_2(
     lines = (tmp_path / "log").read_text().strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith(f"lidar_collision_node: {sentence}")
+
+
+RNG = np.random.default_rng(0)
+
+
+def live():
+    """The room again, with other errors: ranges that stay the same are no sight."""
+    return noisy(room_scan(), RNG)
+
+
+def blind(lidar, because):
+    """Sends good scans until the node calls itself blind for this reason."""
+    lidar.wait(lambda: lidar.ask(live()).verdict == CollisionEstimate.BLIND, f"BLIND: {because}")
+    assert because in lidar.heard[-1].reason
+
+
+def test_who_publishes_and_from_which_frame(graph):
+    lidar, *_ = graph
+    assert lidar.ask(live()).verdict == CollisionEstimate.GOOD
+    stray = dataclasses.replace(room_scan(), frame="oakd_link")
+    assert "from frame 'oakd_link'" in lidar.ask(stray).reason
+    rival = lidar.node.create_publisher(LaserScan, "scan", 10)
+    blind(lidar, "2 nodes publish scans")
+    lidar.node.destroy_publisher(rival)
+    lidar.wait(lambda: lidar.ask(live()).verdict == CollisionEstimate.GOOD, "one again")
+
+
+def test_a_repeated_stamp_is_told_at_once_and_stamped_now(graph):
+    lidar, *_ = graph
+    stamp = lidar.ask(live()).header.stamp
+    del lidar.heard[:]
+    lidar.send(room_scan(), stamp)
+    lidar.wait(lambda: lidar.heard, "the answer to a repeated stamp")
+    assert lidar.heard[0].verdict == CollisionEstimate.BLIND
+    assert "repeats" in lidar.heard[0].reason
+    assert lidar.heard[0].header.stamp != stamp
+
+
+def test_the_mounting_comes_from_tf_as_soon_as_it_says(graph):
+    lidar, _, log = graph
+    assert lidar.ask(room_scan(0.5)).clearance == pytest.approx(0.5 - 0.185, abs=0.01)
+    lidar.wait(lambda: "comes from parameters" in log.read_text(), "the first source in the log")
+    lidar.transform(0.0)  # so the wall stands to the right
+    lidar.wait(lambda: lidar.ask(room_scan(0.5)).clearance > 1.0, "a way ahead by TF")
+    lidar.wait(lambda: "comes from TF: (-0.040, 0.000) m, yaw 0" in log.read_text(), "TF")
+
+
+def test_diagnostics_each_second(graph):
+    lidar, *_ = graph
+    lidar.wait(lambda: lidar.told, "diagnostics")
+    status = lidar.told[0].status[0]
+    assert (status.level, status.message) == (DiagnosticStatus.ERROR, "No scan has arrived.")
+    del lidar.told[:]
+
+    def sees():
+        lidar.ask(live())
+        return lidar.told and lidar.told[-1].status[0].level == DiagnosticStatus.OK
+
+    lidar.wait(sees, "diagnostics of a LiDAR that sees")
+    values = {pair.key: pair.value for pair in lidar.told[-1].status[0].values}
+    assert float(values["probability"]) == pytest.approx(0.007, abs=0.001)
+    assert float(values["known_fraction"]) > 0.9
+    assert 0 < float(values["processing_p50_ms"]) <= float(values["processing_p99_ms"])
+    assert float(values["scan_rate_hz"]) > 0
+    assert float(values["scan_age_s"]) < 0.5
+    assert values["mount"] == "parameters"
+
+
+def test_given_parameters_that_tf_contradicts(tmp_path, ros_domain_id):
+    process = start(ros_domain_id, tmp_path, "disc.mount_yaw_deg:=0.0")
+    lidar = Lidar(ros_domain_id)
+    try:
+        lidar.wait(lambda: lidar.heard and lidar.scans.get_subscription_count(), "the node")
+        lidar.transform(math.pi / 2)
+        blind(lidar, "TF puts the LiDAR at")
+    finally:
+        process.kill()
+        process.wait()
+        lidar.close()

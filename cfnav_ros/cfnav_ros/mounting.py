@@ -1,0 +1,119 @@
+"""How the LiDAR is mounted: from TF or parameters, and whether its own view agrees. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from cfnav_ros.frames import FrameTree, planar_mount
+from cfnav_ros.returns import Mount, Scan, measured, wrap
+
+SOURCES = ("auto", "tf", "parameters")
+
+AGREE_M, AGREE_DEG = 0.02, 3.0
+"""TF and parameters that differ by no more say the same."""
+
+CORE_DEG = 1.5
+"""Around its bearing even the thinnest of the robot's posts hides at least this much."""
+
+SEEN_THROUGH = 10
+"""Successive scans that must look through the robot's own parts: one may be a ghost."""
+
+
+class Mounting:
+    """Chooses the mounting of the scanner a scan comes from."""
+
+    def __init__(self, source: str, parameters: Mount, given: bool, base: str, frame: str) -> None:
+        """Know what was configured.
+
+        Args:
+            source: auto (TF where it joins the frames, else parameters), tf or parameters.
+            parameters: the mounting that the parameters say.
+            given: whether somebody set them, so that TF must not contradict them.
+            base: frame of the robot.
+            frame: that scans must come from; empty: any.
+        """
+        self.tree = FrameTree()
+        self._source, self._parameters, self._given = source, parameters, given
+        self._base, self._frame = base, frame
+
+    def choose(self, frame: str) -> tuple[Mount | None, str, str]:
+        """The mounting of the scanner in a frame.
+
+        Returns:
+            (the mounting, None when there is none to trust; where it comes from, "TF" or
+            "parameters"; what is wrong in one sentence, empty when nothing is).
+        """
+        if self._frame and frame.lstrip("/") != self._frame.lstrip("/"):
+            fault = (
+                f"The scan comes from frame {frame!r}, expected {self._frame!r}: end the other "
+                "scanner or set the parameter frame."
+            )
+            return None, "", fault
+        if self._source == "parameters":
+            return self._parameters, "parameters", ""
+        pose = self.tree.pose(self._base, frame)
+        if pose is None:
+            if self._source == "auto":
+                return self._parameters, "parameters", ""
+            return None, "", f"TF does not join {self._base} and {frame} yet."
+        try:
+            mount = planar_mount(pose)
+        except ValueError as error:
+            return None, "", str(error)
+        if self._source == "auto" and self._given and not agree(mount, self._parameters):
+            fault = (
+                f"TF puts the LiDAR at {told(mount)}, the parameters at {told(self._parameters)}: "
+                "mend one, or set the parameter mount to tf or parameters."
+            )
+            return None, "", fault
+        return mount, "TF", ""
+
+
+def agree(a: Mount, b: Mount) -> bool:
+    """Whether two mountings are the same but for inaccuracy of a description."""
+    apart = math.hypot(a.x - b.x, a.y - b.y)
+    turned = abs(math.remainder(a.yaw - b.yaw, math.tau))
+    return apart <= AGREE_M and turned <= math.radians(AGREE_DEG) and a.upside_down == b.upside_down
+
+
+def told(mount: Mount) -> str:
+    """A mounting in words."""
+    hung = ", upside down" if mount.upside_down else ""
+    return f"({mount.x:.3f}, {mount.y:.3f}) m, yaw {math.degrees(mount.yaw):.0f} degrees{hung}"
+
+
+class OwnParts:
+    """Looks for the robot's own posts where the mounting says that they stand.
+
+    They stand nearer than the scanner measures and hide what is behind them. When beams at the
+    middle of most of them keep returning, the scanner is turned against its mounting. A mirrored
+    scanner goes unnoticed: the posts stand alike on both sides.
+    """
+
+    def __init__(self, bearings: np.ndarray) -> None:
+        """Know the bearings of the parts: float64 [M], radians in base_link."""
+        self._bearings = bearings
+        self._through: deque[bool] = deque(maxlen=SEEN_THROUGH)
+
+    def look(self, scan: Scan, mount: Mount) -> str:
+        """Take one well-formed scan; what is wrong in one sentence, empty when nothing is."""
+        if not len(self._bearings):
+            return ""
+        ranges = np.asarray(scan.ranges)
+        angle = scan.angle_min + np.arange(ranges.size) * scan.angle_increment
+        bearing, returned = mount.bearings(angle), measured(ranges, scan)
+        through = [self._sees_through(bearing, returned, part) for part in self._bearings]
+        self._through.append(2 * sum(through) > len(through))
+        if len(self._through) < SEEN_THROUGH or not all(self._through):
+            return ""
+        return (
+            f"The LiDAR sees through {sum(through)} of the robot's {len(through)} own parts: it is "
+            "not mounted as said, or the parts of disc.mask_bearings_deg are not there."
+        )
+
+    def _sees_through(self, bearing: np.ndarray, returned: np.ndarray, part: float) -> bool:
+        core = np.abs(wrap(bearing - part)) <= math.radians(CORE_DEG)
+        return bool(core.any() and returned[core].mean() > 0.5)
