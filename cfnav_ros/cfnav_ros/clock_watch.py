@@ -1,4 +1,7 @@
-"""Node time that stands still: it stops every other watch. Pure: real time is an argument too."""
+"""Node time that stands still or leaps: it misleads every other watch.
+
+Pure: real time is an argument too.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,12 @@ from enum import IntEnum
 GRACE_S = 0.5
 """Node time that stands still this long means zero velocity, real seconds."""
 
+LEAP_S, MOST_SPEED = 1.0, 20.0
+"""Node time that moves on by more than the first, beyond the second times the real time for which
+it stood, was set: no simulation on one machine is that fast."""
 
-class Standstill(IntEnum):
+
+class Alarm(IntEnum):
     """What node time calls for; each value includes those before it."""
 
     NONE = 0
@@ -35,26 +42,35 @@ class ClockWatch:
             start_timeout: the same while it reads 0, as before the first /clock.
         """
         self._timeout, self._start_timeout = timeout, start_timeout
-        self._read_ns, self._moved_at = 0, 0.0
+        self._read_ns: int | None = None
+        self._moved_at = 0.0
+        self.reason = ""
+        """One sentence on what the last look found."""
 
     def restart(self, real: float) -> None:
-        """Forget how long node time has stood until now (real time, seconds)."""
-        self._moved_at = real
+        """Forget what node time did until now (real time, seconds)."""
+        self._read_ns, self._moved_at = None, real
 
-    def look(self, real: float, read_ns: int) -> Standstill:
+    def look(self, real: float, read_ns: int) -> Alarm:
         """Judge what node time reads.
 
         Args:
             real: monotonic real time, seconds.
             read_ns: node time, nanoseconds.
         """
-        if read_ns != self._read_ns:
-            self._read_ns, self._moved_at = read_ns, real
-            return Standstill.NONE
+        before, self._read_ns = self._read_ns, read_ns
+        if before is not None and read_ns != before:
+            advance, passed = (read_ns - before) * 1e-9, real - self._moved_at
+            self._moved_at = real
+            if before and advance > LEAP_S + MOST_SPEED * passed:
+                self.reason = f"Node time leapt ahead by {advance:.1f} s: was the clock set?"
+                return Alarm.FAIL
+            return Alarm.NONE
+        self.reason = "Node time stands still: is /clock published?"
         stood = real - self._moved_at
         patience = self._timeout if read_ns else self._start_timeout
         if stood > patience + GRACE_S:
-            return Standstill.END
+            return Alarm.END
         if stood > patience:
-            return Standstill.FAIL
-        return Standstill.STOP if stood > GRACE_S else Standstill.NONE
+            return Alarm.FAIL
+        return Alarm.STOP if stood > GRACE_S else Alarm.NONE

@@ -109,7 +109,9 @@ def stamp_to_seconds(stamp: Time) -> float:
 
 def frame_from_message(message: Image) -> Frame:
     """The picture, to be decoded by whoever looks at it: most are never looked at."""
-    return Frame(stamp_to_ns(message.header.stamp), partial(image_to_rgb, message))
+    stamp = stamp_to_ns(message.header.stamp)
+    decode = partial(image_to_rgb, message)
+    return Frame(stamp, decode, message.height, message.width, message.data)
 
 
 def scan_from_message(message: LaserScan) -> Scan:
@@ -202,6 +204,18 @@ def bump_from_message(message: HazardDetectionVector) -> float | None:
     return stamp_to_seconds(message.header.stamp)
 
 
+def front_bump_from_message(message: HazardDetectionVector) -> float | None:
+    """When a zone of the bumper that faces forward was pressed, seconds; None when none was.
+
+    A detection that does not name its zone may be any.
+    """
+    for hazard in message.detections:
+        zone = hazard.header.frame_id
+        if hazard.type == HazardDetection.BUMP and ("front" in zone or not zone):
+            return stamp_to_seconds(message.header.stamp)
+    return None
+
+
 def twist(command: Command) -> Twist:
     """A velocity as geometry_msgs/Twist."""
     message = Twist()
@@ -258,6 +272,8 @@ def status(episode: Episode, phase: int, bundle: str, now: Time) -> EpisodeStatu
         message=episode.message,
         steps=episode.steps,
         path_length=episode.track.path_length,
+        vetoes=episode.vetoes,
+        bumps=episode.track.bumps,
     )
 
 

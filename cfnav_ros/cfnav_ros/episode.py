@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import radians
 from typing import TYPE_CHECKING
 
 from cfnav_core.actions import HORIZONS_RAD, Action
-from cfnav_ros.inputs import NEVER, AgeLimits, Inputs, seconds, unusable
+from cfnav_ros.disturbance import Standing
+from cfnav_ros.inputs import NEVER, Inputs, seconds
 from cfnav_ros.lidar import Verdict
-from cfnav_ros.motion import STOP, Command, Motion, MotionLimits, Status
+from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.motion import STOP, Command, Motion, Status
 from cfnav_ros.track import Track
+from cfnav_ros.watch import Watch
 
 if TYPE_CHECKING:
     from cfnav_core.policy import Decision, Policy
@@ -33,43 +36,6 @@ class Phase(Enum):
     TILT = "tilt"
     STOPPING = "stopping"
     ENDED = "ended"
-
-
-@dataclass(frozen=True)
-class EpisodeLimits:
-    """When an episode observes, waits, gives up. Times are seconds of node time."""
-
-    max_steps: int = field(default=100, metadata={"help": "decisions, Done included"})
-    settle: float = field(default=0.15, metadata={"help": "from standing to a usable picture, s"})
-    preflight_timeout: float = field(default=10.0, metadata={"help": "to find robot and inputs, s"})
-    lost_timeout: float = field(default=2.0, metadata={"help": "stand on lost inputs, then end, s"})
-    observe_timeout: float = field(default=5.0, metadata={"help": "to come to rest and look, s"})
-    think_timeout: float = field(default=10.0, metadata={"help": "for one decision, s"})
-    tilt_timeout: float = field(default=5.0, metadata={"help": "for one camera tilt, s"})
-    tilt_tolerance_deg: float = field(default=1.0, metadata={"help": "of the camera tilt, deg"})
-    stop_time: float = field(default=0.5, metadata={"help": "zero velocity at the end, s"})
-    blind_timeout: float = field(default=5.0, metadata={"help": "blind LiDAR ends it, s"})
-    max_failed_motions: int = field(default=8, metadata={"help": "in a row: the base is stuck"})
-    lidar: bool = field(
-        default=True,
-        metadata={"help": "collision probability from the LiDAR; off: the bundle's own, no veto"},
-    )
-    veto: bool = field(default=True, metadata={"help": "the LiDAR may forbid a MoveAhead"})
-    veto_probability: float = field(default=0.5, metadata={"help": "from which it does"})
-    guard_slack: float = field(
-        default=0.05, metadata={"help": "clearance lost while driving that stops a MoveAhead, m"}
-    )
-    has_tilt: bool = field(default=True, metadata={"help": "the camera tilts on command"})
-    motion: MotionLimits = field(default_factory=MotionLimits)
-    ages: AgeLimits = field(default_factory=AgeLimits)
-
-    def __post_init__(self) -> None:
-        if self.max_steps < 1:
-            raise ValueError(f"max_steps is {self.max_steps}, expected at least 1.")
-        if not 0 < self.veto_probability <= 1:
-            raise ValueError(
-                f"veto_probability is {self.veto_probability}, expected a number in (0, 1]."
-            )
 
 
 @dataclass(frozen=True)
@@ -95,6 +61,13 @@ class Output:
 REST_TIMEOUT_S = 2.0
 """A robot that still moves this long after the end is reported as it is."""
 
+PRESSED_S = 0.3
+"""A front bumper reported within this time is still pressed (reports come at 20 Hz or more)."""
+
+REFLEX_S = 2.0
+"""A base that moves by itself so soon after a bump backs off by reflex (create3_sim: at most 0.15 m
+at 0.14 m/s); nobody pushes it."""
+
 
 class Episode:
     """Drives one goal; ``update`` at the velocity rate until ``ended``."""
@@ -104,7 +77,7 @@ class Episode:
         goal: str,
         policy: Policy,
         submit: Callable[..., Future],
-        limits: EpisodeLimits = EpisodeLimits(),
+        limits: EpisodeLimits,
         time_limit: float = 0.0,
     ) -> None:
         """Prepare an episode; nothing happens before the first ``update``.
@@ -119,14 +92,17 @@ class Episode:
         self.goal = goal
         self.phase = Phase.PREFLIGHT
         self.outcome, self.message = "", ""
-        self.steps, self.vetoes = 0, 0
+        self.steps, self.vetoes, self.pushes = 0, 0, 0
+        self.decision: Decision | None = None
         self.track = Track()
         self._policy, self._submit = policy, submit
         self._limits, self._time_limit = limits, time_limit
         self._begun = NEVER
-        self._t = self._since = self._usable_at = self._seeing_at = 0.0
-        self._still_from = 0.0
-        self._failed_motions = 0
+        self._t = self._since = self._still_from = 0.0
+        self._watch = Watch(limits)
+        self._standing = Standing()
+        self._displaced = False
+        self._failed_motions = self._stalls = 0
         self._origin = 0.0
         self._level = 0
         self._motion: Motion | None = None
@@ -151,17 +127,25 @@ class Episode:
         self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
 
     def update(self, t: float, inputs: Inputs) -> Output:
-        """Advance to node time t (seconds) with the newest inputs."""
+        """Advance to node time t (seconds) with the newest inputs.
+
+        What may end the episode is looked at in the order of how much may go wrong; the first
+        sentence counts.
+        """
         if self._begun == NEVER:
-            self._begun = self._since = self._usable_at = self._seeing_at = self._t = t
+            self._begun = self._since = self._t = t
         if self.ended:
             return Output()
-        self._check_time(t)
-        self._watch(inputs)
-        lost = self._check_inputs(t, inputs)
+        self._check_clock(t)
+        self._check_base(inputs)
+        if self.phase is not Phase.PREFLIGHT:
+            self._follow(t, inputs)
+        stands = self._check_inputs(t, inputs)
+        if self._time_limit and t - self._begun > self._time_limit:
+            self.finish("time_limit", f"{self._time_limit:g} s have passed.")
         if self.phase is Phase.STOPPING:
             return self._stopping(t)
-        if lost or self.ended:
+        if stands or self.ended:
             return Output()
         phases = {
             Phase.PREFLIGHT: self._preflight,
@@ -177,49 +161,59 @@ class Episode:
 
     # Watching
 
-    def _check_time(self, t: float) -> None:
+    def _check_clock(self, t: float) -> None:
         before, self._t = self._t, t
         if t < before:
             self.fail("Node time jumped back.")
             self._since = t
-        elif self._time_limit and t - self._begun > self._time_limit:
-            self.finish("time_limit", f"{self._time_limit:g} s have passed.")
 
-    def _watch(self, inputs: Inputs) -> None:
-        """Take account of new odometry and bumps."""
-        if self.phase is Phase.PREFLIGHT:
-            return
-        if self.track.bump(inputs.bumped_at) and self._motion:
-            self._motion.bump()
-        if not self.track.odometry(inputs.odometry):
+    def _check_base(self, inputs: Inputs) -> None:
+        fault = self._watch.forbids(inputs)
+        if fault:
+            self.fail(fault)
+
+    def _follow(self, t: float, inputs: Inputs) -> None:
+        """Take account of odometry, bumps, and motion that nobody commanded."""
+        motion, sample = self._motion, inputs.odometry
+        bumped = self.track.bump(inputs.bumped_at) or t - inputs.front_bumped_at < PRESSED_S
+        if motion and bumped:
+            motion.bump()
+        if not self.track.odometry(sample):
             self.fail("Odometry jumped: its pose was reset, or the robot was moved.")
+        slip = self.track.slip.complaint()
+        if motion:
+            self._standing.release()
+            if slip:
+                motion.block(slip, Status.STALLED)
+        elif self._standing.moved(sample, self.track.still_since is not None):
+            self._pushed(t, inputs)
+
+    def _pushed(self, t: float, inputs: Inputs) -> None:
+        """The base moved by itself: what was seen before is of another place."""
+        self._still_from, self._displaced = t, True
+        if t - inputs.bumped_at <= REFLEX_S:
+            return
+        self.pushes += 1
+        if self.pushes >= self._limits.max_pushes:
+            self.fail(
+                f"The base moved by itself {self.pushes} times: a reflex of its own, or somebody "
+                "pushes it."
+            )
 
     def _check_inputs(self, t: float, inputs: Inputs) -> bool:
-        """Whether the inputs cannot be used now; ends the episode when that lasts."""
-        limits = self._limits
-        complaint = unusable(t, inputs, limits.ages, limits.lidar, limits.has_tilt)
-        if inputs.base.fault:
-            self.fail(inputs.base.fault)
-        elif self.phase is Phase.PREFLIGHT:
-            if t - self._begun > limits.preflight_timeout:
-                waiting = complaint or inputs.base.waiting or self._blindness(inputs)
-                self.fail(waiting or "The policy is still busy.")
-        elif complaint and t - self._usable_at > limits.lost_timeout:
-            self.fail(complaint)
-        blindness = self._blindness(inputs)
-        if not blindness or self.phase is Phase.PREFLIGHT:
-            self._seeing_at = t
-        elif t - self._seeing_at > limits.blind_timeout:
-            self.fail(complaint or blindness)
-        if not complaint:
-            self._usable_at = t
+        """Whether the robot must stand because of an input; ends the episode when that lasts."""
+        limits, watch = self._limits, self._watch
+        complaint = watch.stops(t, inputs)
+        if self.phase is not Phase.PREFLIGHT:
+            given_up = watch.gives_up(t, inputs, complaint)
+        else:
+            watch.start(t)
+            late = t - self._begun > limits.preflight_timeout
+            reason = complaint or watch.blindness(inputs) or "The policy is still busy."
+            given_up = inputs.picture.fault or (reason if late else "")
+        if given_up:
+            self.fail(given_up)
         return bool(complaint)
-
-    def _blindness(self, inputs: Inputs) -> str:
-        estimate = inputs.estimate.estimate
-        if not self._limits.lidar or estimate.verdict is not Verdict.BLIND:
-            return ""
-        return f"The LiDAR is blind: {estimate.reason}"
 
     # Phases: each is one state of the machine
 
@@ -231,12 +225,13 @@ class Episode:
                 self.fail(fault)
                 return Output()
             answer = self._answer = self._submit(self._policy.reset, self.goal)
-        if not inputs.base.ready or not answer.done() or self._blindness(inputs):
+        if not inputs.base.ready or not answer.done() or self._watch.blindness(inputs):
             return Output()
         if answer.exception():
             self.fail(str(answer.exception()))
             return Output()
         self._answer = None
+        self._watch.drive(inputs)
         self.track = Track(inputs.bumped_at)
         self._origin = inputs.odometry.yaw
         self._still_from = t
@@ -259,7 +254,10 @@ class Episode:
         elif self._observable(inputs):
             self._ask(t, inputs)
         elif t - self._since > self._limits.observe_timeout:
-            self.fail("The robot does not come to rest, or no new picture arrives.")
+            self.fail(
+                self.track.slip.complaint()
+                or "The robot does not come to rest, or no new picture arrives."
+            )
         return Output()
 
     def _observable(self, inputs: Inputs) -> bool:
@@ -279,21 +277,25 @@ class Episode:
             self.fail(str(error))
             return
         probability = inputs.estimate.estimate.probability if self._limits.lidar else None
-        self._observed = inputs
+        self._observed, self._displaced = inputs, False
         self._answer = self._submit(self._policy.act, rgb, probability)
         self._enter(Phase.THINK, t)
 
     def _think(self, t: float, inputs: Inputs) -> Output:
         answer, seen = self._answer, self._observed
         assert answer is not None
-        if not answer.done():
+        moving = self._displaced and self.track.still_since is None
+        if not answer.done() or moving:
             if t - self._since > self._limits.think_timeout:
-                self.fail("The policy did not answer in time.")
+                self.fail(
+                    "The base moves by itself." if moving else "The policy did not answer in time."
+                )
             return Output()
         if answer.exception():
             self.fail(f"The policy failed: {answer.exception()}")
             return Output()
         decision: Decision = answer.result()
+        self.decision = decision
         vetoed = decision.action is Action.MoveAhead and self._vetoes(seen)
         self.steps += 1
         self.vetoes += vetoed
@@ -305,9 +307,11 @@ class Episode:
         return replace(self._execute(decision.action, t, inputs), record=record)
 
     def _vetoes(self, seen: Inputs) -> bool:
+        """Whether the way ahead is not free, or not the one that was seen."""
         limits = self._limits
         watched = limits.veto and limits.lidar
-        return watched and seen.estimate.estimate.probability >= limits.veto_probability
+        taken = watched and seen.estimate.estimate.probability >= limits.veto_probability
+        return taken or self._displaced
 
     def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
         if action is Action.Done:
@@ -345,14 +349,22 @@ class Episode:
         if status is Status.ODOM_JUMP:
             self.fail(motion.reason)
             return Output()
-        self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
-        if self._failed_motions >= self._limits.max_failed_motions:
-            self.fail(f"{self._failed_motions} motions failed: {motion.reason}")
-            return Output()
         self._motion = None
         self._still_from = t
         self._enter(Phase.OBSERVE, t)
+        self._count(status, motion.reason)
+        if status is Status.PUSHED:
+            self._pushed(t, inputs)
         return Output()
+
+    def _count(self, status: Status, reason: str) -> None:
+        """Keep account of motions that failed in a row, and give up on too many."""
+        limits = self._limits
+        self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
+        self._stalls = self._stalls + 1 if status is Status.STALLED else 0
+        stuck = self._stalls >= limits.max_stalls
+        if stuck or self._failed_motions >= limits.max_failed_motions:
+            self.fail(f"{self._stalls if stuck else self._failed_motions} motions failed: {reason}")
 
     def _guard(self, motion: Motion, inputs: Inputs) -> None:
         """Stop a MoveAhead when a scan taken on the way sees less room than the way still needs."""

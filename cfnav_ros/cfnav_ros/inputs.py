@@ -6,8 +6,9 @@ Pure. Stamps are node time; those that go into records are integer nanoseconds, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -34,10 +35,24 @@ def _no_picture() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture; ``decode`` gives uint8 [H, W, 3] RGB or raises ValueError with one sentence."""
+    """A picture; ``decode`` gives uint8 [H, W, 3] RGB or raises ValueError with one sentence.
+
+    ``height`` and ``width`` are in pixels; ``data`` are its bytes, for comparison only.
+    """
 
     stamp_ns: int = NEVER_NS
     decode: Callable[[], np.ndarray] = _no_picture
+    height: int = 0
+    width: int = 0
+    data: Any = None
+
+
+@dataclass(frozen=True)
+class PictureCheck:
+    """What is wrong with the newest picture: ``fault`` is for good, ``waiting`` may pass."""
+
+    waiting: str = ""
+    fault: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,14 +73,44 @@ class Tilt:
 
 @dataclass(frozen=True)
 class Inputs:
-    """The newest message of each kind; stamped ``NEVER`` until the first."""
+    """The newest message of each kind; stamped ``NEVER`` until the first.
+
+    Attributes:
+        base: who listens on cmd_vel.
+        frame: newest picture; ``picture`` is what is wrong with it.
+        estimate: newest collision estimate.
+        odometry: newest pose and velocity.
+        tilt: newest tilt of the camera.
+        bumped_at: stamp of the newest report of a bump, seconds.
+        front_bumped_at: the same for the zones that face forward.
+        docked: the base says that it sits on its dock.
+        powered: the base says that its wheels have power; so do bases that say nothing.
+        arrived: node time at which the newest message of each field came, seconds.
+        notes: why an input may be missing or old, by field; part of a sentence.
+    """
 
     base: BaseCheck = BaseCheck(waiting="Nobody has looked for a robot yet.")  # noqa: RUF009
     frame: Frame = field(default_factory=Frame)
+    picture: PictureCheck = field(default_factory=PictureCheck)
     estimate: StampedEstimate = field(default_factory=StampedEstimate)
     odometry: Odometry = field(default_factory=lambda: Odometry(NEVER, 0.0, 0.0, 0.0))
     tilt: Tilt = field(default_factory=Tilt)
     bumped_at: float = NEVER
+    front_bumped_at: float = NEVER
+    docked: bool = False
+    powered: bool = True
+    arrived: Mapping[str, float] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def stamps(self) -> dict[str, float]:
+        """Stamps of the inputs that have an age, seconds."""
+        return {
+            "frame": seconds(self.frame.stamp_ns),
+            "odometry": self.odometry.stamp,
+            "estimate": seconds(self.estimate.stamp_ns),
+            "tilt": self.tilt.stamp,
+        }
 
 
 @dataclass(frozen=True)
@@ -76,6 +121,19 @@ class AgeLimits:
     estimate: float = field(default=0.5, metadata={"help": "collision estimate, s"})
     odometry: float = field(default=0.25, metadata={"help": "odometry, s"})
     tilt: float = field(default=0.5, metadata={"help": "measured camera tilt, s"})
+
+
+NAMES = {
+    "frame": "picture",
+    "odometry": "odometry",
+    "estimate": "collision estimate",
+    "tilt": "camera tilt",
+}
+
+
+def needed(lidar: bool = True, tilt: bool = True) -> tuple[str, ...]:
+    """Fields of ``Inputs`` that must be there, with or without LiDAR and tilting camera."""
+    return ("frame", "odometry", *["estimate"] * lidar, *["tilt"] * tilt)
 
 
 def unusable(
@@ -93,21 +151,56 @@ def unusable(
     Returns:
         One sentence, empty when all can be used.
     """
-    stamps = {
-        "picture": (seconds(inputs.frame.stamp_ns), limits.frame),
-        "odometry": (inputs.odometry.stamp, limits.odometry),
-    }
-    if lidar:
-        stamps["collision estimate"] = (seconds(inputs.estimate.stamp_ns), limits.estimate)
-    if tilt:
-        stamps["camera tilt"] = (inputs.tilt.stamp, limits.tilt)
     complaints = []
-    for name, (stamp, limit) in stamps.items():
-        if stamp == NEVER:
-            complaints.append(f"no {name} has arrived")
-        elif t - stamp > limit:
-            complaints.append(f"the newest {name} is {t - stamp:.2f} s old (limit {limit:g} s)")
-        elif stamp - t > FUTURE_S:
-            complaints.append(f"the {name} is stamped {stamp - t:.1f} s in the future")
-    text = "; ".join(complaints)
-    return f"{text[0].upper()}{text[1:]}." if text else ""
+    for name in needed(lidar, tilt):
+        complaint = _complaint(t, inputs, name, getattr(limits, name))
+        if complaint:
+            note = inputs.notes.get(name, "")
+            complaints.append(f"{complaint} ({note})" if note else complaint)
+    if not complaints:
+        return ""
+    text = clocks_differ(t, inputs, limits) or "; ".join(complaints)
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _complaint(t: float, inputs: Inputs, field_name: str, limit: float) -> str:
+    """What is wrong with the age of one input, without capital and full stop."""
+    name, stamp = NAMES[field_name], inputs.stamps[field_name]
+    arrived = inputs.arrived.get(field_name, NEVER)
+    if stamp == NEVER:
+        return f"no {name} has arrived"
+    if stamp - t > FUTURE_S:
+        return f"the {name} is stamped {stamp - t:.1f} s in the future"
+    if t - stamp <= limit:
+        return ""
+    if t - arrived > limit:
+        return f"the newest {name} is {t - stamp:.2f} s old (limit {limit:g} s)"
+    if stamp == 0:
+        return f"the {name} arrives without a time, stamped 0: set it in its driver"
+    return (
+        f"the {name} arrives {arrived - stamp:.2f} s after its stamp (limit {limit:g} s): it is "
+        "late, or the clock of its sender is not this computer's"
+    )
+
+
+def clocks_differ(t: float, inputs: Inputs, limits: AgeLimits) -> str:
+    """A sentence without full stop when all that the robot stamps is off by the same time.
+
+    Args:
+        t: node time, seconds.
+        inputs: newest messages; those that arrive count.
+        limits: an input that came longer ago does not count.
+    """
+    offsets = []
+    for name in ("frame", "odometry"):
+        arrived, stamp = inputs.arrived.get(name, NEVER), inputs.stamps[name]
+        if t - arrived > getattr(limits, name) or stamp <= 0:
+            return ""
+        offsets.append(arrived - stamp)
+    low, high = min(offsets), max(offsets)
+    if high - low > FUTURE_S or min(abs(low), abs(high)) <= FUTURE_S:
+        return ""
+    return (
+        f"the clocks of robot and computer differ by {abs(low):.1f} s (the robot's is "
+        f"{'behind' if low > 0 else 'ahead'}): set both with chrony"
+    )

@@ -43,6 +43,8 @@ class Status(Enum):
     DRIVING = "driving"
     SUCCEEDED = "succeeded"
     BLOCKED = "blocked"
+    STALLED = "stalled"
+    PUSHED = "pushed"
     TIMEOUT = "timeout"
     ODOM_JUMP = "odometry jumped"
 
@@ -96,6 +98,13 @@ STALL_RAD = math.radians(2.0)
 
 RETREAT = 1.5
 """Going back by this many stalls means that a reflex of the base has taken over."""
+
+OFF_LINE_M, OFF_LINE_RAD = 0.06, math.radians(30.0)
+"""Further from the line of a MoveAhead, or from the place of a turn, than the base can get by
+itself: it drifts millimetres, and starts at most 22.5 degrees off its grid heading."""
+
+ALIGN_RAD = math.radians(10.0)
+"""A MoveAhead that starts further off its grid heading (after a push) turns in place first."""
 
 
 def wrap(angle: float) -> float:
@@ -179,6 +188,7 @@ class Motion:
         self._t, self._speed = t, 0.0
         self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
         self._mark = (t, self.remaining(odometry))
+        self._aligned = bool(self._side)
         self._status = Status.DRIVING
 
     def remaining(self, odometry: Odometry) -> float:
@@ -209,10 +219,10 @@ class Motion:
         if not self._side:
             self.block("The bumper was hit.")
 
-    def block(self, reason: str) -> None:
-        """End the motion as BLOCKED: something outside of odometry says so."""
+    def block(self, reason: str, status: Status = Status.BLOCKED) -> None:
+        """End the motion: something outside of it says so."""
         if self._status is Status.DRIVING:
-            self._status, self.reason = Status.BLOCKED, reason
+            self._status, self.reason = status, reason
 
     def _judge(self, t: float, odometry: Odometry, remaining: float) -> Status:
         limits = self._limits
@@ -227,16 +237,28 @@ class Motion:
             return Status.SUCCEEDED
         if remaining > marked + RETREAT * stall:
             self.reason = f"The base backed off during {self.action.name}."
-            return Status.BLOCKED
+            return Status.PUSHED
+        if self._off_line(odometry):
+            self.reason = f"The base left its line during {self.action.name}."
+            return Status.PUSHED
         if marked - remaining >= stall:
             self._mark = (t, remaining)
         elif t - marked_t > limits.stall_time:
             self.reason = f"{self.action.name} made no progress for {limits.stall_time:g} s."
-            return Status.BLOCKED
+            return Status.STALLED
         if t > self._deadline:
             self.reason = f"{self.action.name} did not finish in time."
             return Status.TIMEOUT
         return Status.DRIVING
+
+    def _off_line(self, odometry: Odometry) -> bool:
+        """Whether the base is where its own drive cannot have brought it."""
+        dx, dy = odometry.x - self._start.x, odometry.y - self._start.y
+        if self._side:
+            return math.hypot(dx, dy) > OFF_LINE_M
+        aside = dy * math.cos(self._heading) - dx * math.sin(self._heading)
+        turned = abs(wrap(self._heading - odometry.yaw))
+        return abs(aside) > OFF_LINE_M or turned > OFF_LINE_RAD
 
     def _lag(self, t: float, odometry: Odometry) -> float:
         """Seconds from the sample until a command sent now takes effect."""
@@ -249,8 +271,13 @@ class Motion:
                 remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, lag
             )
             return Command(w=self._side * self._speed)
+        error = wrap(self._heading - odometry.yaw)
+        hold = max(-limits.hold_rate, min(limits.hold_rate, limits.heading_gain * error))
+        self._aligned = self._aligned or abs(error) <= ALIGN_RAD
+        if not self._aligned:
+            self._mark = (self._t, remaining)  # turning in place is no stall; the deadline counts
+            return Command(0.0, hold)
         self._speed = trapezoid(
             remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, lag
         )
-        hold = limits.heading_gain * wrap(self._heading - odometry.yaw)
-        return Command(self._speed, max(-limits.hold_rate, min(limits.hold_rate, hold)))
+        return Command(self._speed, hold)

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-from cfnav_ros.episode import EpisodeLimits
 from cfnav_ros.lidar import SweptDisc
+from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.mounting import SOURCES
 from cfnav_ros.preflight import TYPES
 from cfnav_ros.sweep import ErrorModel
@@ -42,10 +42,14 @@ class PolicyParameters:
     image_topic: str = field(
         default="oakd/rgb/preview/image_raw", metadata={"help": "pictures of the camera"}
     )
+    goal: str = field(default="", metadata={"help": "category to look for at once; empty: none"})
     tilt_joint: str = field(default="camera_tilt", metadata={"help": "in joint_states"})
     rate: float = field(default=20.0, metadata={"help": "velocities per second of node time"})
     clock_timeout: float = field(
         default=2.0, metadata={"help": "a node clock that stands this long ends an episode, real s"}
+    )
+    frozen_picture_time: float = field(
+        default=1.0, metadata={"help": "one picture under new stamps is frozen, s; 0: never"}
     )
     episode: EpisodeLimits = field(default_factory=EpisodeLimits)
 

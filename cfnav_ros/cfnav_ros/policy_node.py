@@ -13,22 +13,16 @@ import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import rclpy
-from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
-from geometry_msgs.msg import Twist, TwistStamped
-from irobot_create_msgs.msg import HazardDetectionVector
+from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, JointState
@@ -36,67 +30,52 @@ from std_msgs.msg import Float64
 
 from cfnav_core.policy import BundleError, Policy
 from cfnav_ros import conversions
-from cfnav_ros.clock_watch import ClockWatch, Standstill
+from cfnav_ros.clock_watch import Alarm, ClockWatch
 from cfnav_ros.episode import Episode, Phase, StepRecord
+from cfnav_ros.goals import Goal, Goals
 from cfnav_ros.inputs import Inputs
-from cfnav_ros.motion import STOP, Command
+from cfnav_ros.motion import STOP
 from cfnav_ros.parameters import PolicyParameters, declare
-from cfnav_ros.preflight import STAMPED, check_base
+from cfnav_ros.picture_watch import PictureWatch
 from cfnav_ros.stop_signal import StopSignal
+from cfnav_ros.velocity import Velocity
 
 GUARD_PERIOD_S = 0.1
 """Real time between looks at whether node time still runs."""
-
-BASE_CHECK_S = 0.5
-"""Real time between looks at who else is on cmd_vel."""
 
 BURST_S = 0.6
 """How long zeros are sent before the process ends: a base may miss single ones."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """The goal that is being served and its episode."""
-
-    goal: ServerGoalHandle
-    episode: Episode
-
-
 class PolicyNode(Node):
-    """Serves ``navigate_to_object`` with one policy on one base."""
+    """Serves ``navigate_to_object`` and ``policy/goal`` with one policy on one base.
+
+    A plain node, not a lifecycle one: it does nothing to the base before a goal comes, so an
+    "inactive" state would only add two calls to what a user must do first.
+    """
 
     def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
-        self._settings = declare(self, PolicyParameters)
-        self._policy = Policy.load(self._settings.bundle or None)
+        settings = self._settings = declare(self, PolicyParameters)
+        self._policy = Policy.load(settings.bundle or None)
         self._worker = ThreadPoolExecutor(1, "policy")
-        self._run: Run | None = None
-        self._next: ServerGoalHandle | None = None
+        self._episode: Episode | None = None
         self._inputs = Inputs()
-        self._velocity: Publisher | None = None
-        self._closing = False
-        self._base_checked_at = 0.0
-        self._clock_watch = ClockWatch(
-            self._settings.clock_timeout, self._settings.episode.preflight_timeout
-        )
+        self._velocity = Velocity(self, settings)
+        self._pictures = PictureWatch(settings.frozen_picture_time)
+        self._clock_watch = ClockWatch(settings.clock_timeout, settings.episode.preflight_timeout)
         self._create_publishers()
         self._create_subscriptions()
-        self._timer = self.create_timer(1.0 / self._settings.rate, self._tick, autostart=False)
+        self._timer = self.create_timer(1.0 / settings.rate, self._tick, autostart=False)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._guard = self.create_timer(
-            GUARD_PERIOD_S, self._watch_clock, clock=Clock(clock_type=ClockType.STEADY_TIME),
-            autostart=False,
-        )  # fmt: skip
-        self._answered = self.create_guard_condition(self._poke)
-        self._server = ActionServer(
-            self,
-            NavigateToObject,
-            "navigate_to_object",
-            execute_callback=self._settle_goal,
-            goal_callback=self._admit,
-            handle_accepted_callback=self._accept,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            GUARD_PERIOD_S, self._watch_clock, clock=steady, autostart=False
         )
+        self._answered = self.create_guard_condition(self._poke)
+        self._goals = Goals(self, self._begin, self._preempt)
         self._announce()
+        if settings.goal:
+            self._goals.add(Goal(settings.goal))
 
     # Topics
 
@@ -107,16 +86,16 @@ class PolicyNode(Node):
         self._tilts = self.create_publisher(Float64, "camera_tilt/command", 10)
 
     def _create_subscriptions(self) -> None:
-        newest = qos_profile_sensor_data
+        subscribe, newest = self.create_subscription, qos_profile_sensor_data
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
         image_topic = self._settings.image_topic
-        self._images = self.create_subscription(Image, image_topic, self._on_image, only_newest)
-        self.create_subscription(CollisionEstimate, "collision/estimate", self._on_estimate, 5)
-        self.create_subscription(Odometry, "odom", self._on_odometry, newest)
-        self.create_subscription(JointState, "joint_states", self._on_joints, newest)
-        self.create_subscription(
-            HazardDetectionVector, "hazard_detection", self._on_hazards, newest
-        )
+        self._images = subscribe(Image, image_topic, self._on_image, only_newest)
+        subscribe(CollisionEstimate, "collision/estimate", self._on_estimate, 5)
+        subscribe(Odometry, "odom", self._on_odometry, newest)
+        subscribe(JointState, "joint_states", self._on_joints, newest)
+        subscribe(HazardDetectionVector, "hazard_detection", self._on_hazards, newest)
+        subscribe(DockStatus, "dock_status", self._on_dock, newest)
+        subscribe(WheelStatus, "wheel_status", self._on_wheels, newest)
 
     def _announce(self) -> None:
         episode = self._settings.episode
@@ -125,12 +104,15 @@ class PolicyNode(Node):
             f"Bundle {self._policy.name} drives. Pictures from {self._images.topic_name}, "
             f"collision probability from {probability}, LiDAR veto "
             f"{'on' if episode.lidar and episode.veto else 'off'}, velocities to "
-            f"{self.resolve_topic_name('cmd_vel')}. "
+            f"{self._velocity.topic}. "
             f"Goals: {', '.join(self._policy.goals)}."
         )
 
     def _on_image(self, message: Image) -> None:
         self._take("frame", conversions.frame_from_message, message)
+        inputs = self._inputs
+        picture = self._pictures.look(inputs.frame, inputs.odometry, inputs.tilt)
+        self._inputs = replace(inputs, picture=picture)
         self._poke()
 
     def _on_estimate(self, message: CollisionEstimate) -> None:
@@ -145,78 +127,59 @@ class PolicyNode(Node):
 
     def _on_hazards(self, message: HazardDetectionVector) -> None:
         self._take("bumped_at", conversions.bump_from_message, message)
+        self._take("front_bumped_at", conversions.front_bump_from_message, message)
+
+    def _on_dock(self, message: DockStatus) -> None:
+        self._inputs = replace(self._inputs, docked=message.is_docked)
+
+    def _on_wheels(self, message: WheelStatus) -> None:
+        self._inputs = replace(self._inputs, powered=message.wheels_enabled)
 
     def _take(self, name: str, convert: Callable[..., Any], *message: Any) -> None:
         """Keep a message; one that makes no sense is left out, so that its input grows old."""
+        inputs, notes = self._inputs, {**self._inputs.notes}
+        notes.pop(name, None)
         try:
             value = convert(*message)
         except ValueError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=2.0)
-        else:
-            if value is not None:  # None: it speaks of something else
-                self._inputs = replace(self._inputs, **{name: value})
+            notes[name] = str(error).rstrip(".")
+            self._inputs = replace(inputs, notes=notes)
+            return
+        if value is not None:  # None: it speaks of something else
+            arrived = {**inputs.arrived, name: self.get_clock().now().nanoseconds * 1e-9}
+            self._inputs = replace(inputs, **{name: value}, arrived=arrived, notes=notes)
 
     # Goals
 
-    def _admit(self, _: NavigateToObject.Goal) -> GoalResponse:
-        # A goal that cannot be met is accepted and then refused: only a result carries a sentence.
-        return GoalResponse.REJECT if self._closing else GoalResponse.ACCEPT
-
-    def _accept(self, goal: ServerGoalHandle) -> None:
-        if self._run is None:
-            self._begin(goal)
-            return
-        self._run.episode.finish("preempted", "A newer goal came.")
-        if self._next is not None:
-            self._resolve(self._next, NavigateToObject.Result(
-                outcome="preempted", message="A newer goal came."))  # fmt: skip
-        self._next = goal
-
-    def _begin(self, goal: ServerGoalHandle) -> None:
-        request, limits = goal.request, self._settings.episode
-        if request.max_steps:
-            limits = replace(limits, max_steps=request.max_steps)
-        episode = Episode(
-            request.goal, self._policy, self._submit, limits, time_limit=request.time_limit
+    def _begin(self, goal: Goal) -> None:
+        limits = self._settings.episode
+        if goal.max_steps:
+            limits = replace(limits, max_steps=goal.max_steps)
+        self._episode = Episode(
+            goal.name, self._policy, self._submit, limits, time_limit=goal.time_limit
         )
-        self._run = Run(goal, episode)
         self._clock_watch.restart(time.monotonic())
-        self._base_checked_at = 0.0
+        self._velocity.restart()
         self._timer.reset()
         self._guard.reset()
-        self._publish_status(episode, EpisodeStatus.STARTED)
-        self.get_logger().info(f"Looking for {request.goal}.")
+        self._publish_status(self._episode, EpisodeStatus.STARTED)
+        self.get_logger().info(f"Looking for {goal.name}.")
 
-    def _end(self, run: Run) -> None:
+    def _preempt(self, reason: str) -> None:
+        if self._episode is not None:
+            self._episode.finish("preempted", reason)
+
+    def _end(self, episode: Episode) -> None:
         """Tell everybody how the episode ended and take the next goal, if any."""
-        episode = run.episode
         self._timer.cancel()
         self._guard.cancel()
+        self._episode = None
         self._publish_status(episode, EpisodeStatus.ENDED)
         self.get_logger().info(
             f"{episode.goal}: {episode.outcome} after {episode.steps} decisions. {episode.message}"
         )
-        self._resolve(run.goal, conversions.result(episode))
-        self._run = None
-        if self._next is not None:
-            goal, self._next = self._next, None
-            self._begin(goal)
-
-    def _resolve(self, goal: ServerGoalHandle, result: NavigateToObject.Result) -> None:
-        # Executed only now that the result is known: a coroutine that waits for it would keep
-        # rclpy's executor spinning, a blocking callback would cost a thread.
-        goal.execute(partial(self._settle_goal, result=result))
-
-    def _settle_goal(
-        self, goal: ServerGoalHandle, result: NavigateToObject.Result
-    ) -> NavigateToObject.Result:
-        if result.outcome == "done":
-            goal.succeed()
-        elif result.outcome == "canceled":
-            goal.canceled()
-        else:
-            goal.abort()
-        return result
+        self._goals.end(conversions.result(episode))
 
     # Driving
 
@@ -227,91 +190,59 @@ class PolicyNode(Node):
 
     def _poke(self) -> None:
         """Go on at once where the episode waits for what has just come; turns keep to the timer."""
-        if self._run and self._run.episode.phase in (Phase.OBSERVE, Phase.THINK):
+        if self._episode and self._episode.phase in (Phase.OBSERVE, Phase.THINK):
             self._tick()
 
     def _tick(self) -> None:
-        run = self._run
-        if run is None:
+        episode = self._episode
+        if episode is None:
             return
-        if run.goal.is_cancel_requested:
-            run.episode.finish("canceled", "The client canceled the goal.")
-        self._check_base()
-        now = self.get_clock().now()
-        output = run.episode.update(now.nanoseconds * 1e-9, self._inputs)
-        self._drive(output.command)
+        self._check_time(episode)
+        base = self._velocity.check()
+        if base is not None:
+            self._inputs = replace(self._inputs, base=base)
+        output = episode.update(self.get_clock().now().nanoseconds * 1e-9, self._inputs)
+        canceled = self._goals.canceled
+        if canceled:  # after the update: what goes wrong in the same moment is said first
+            episode.finish("canceled", "The goal was canceled.")
+        self._velocity.send(STOP if canceled else output.command)
         if output.tilt is not None:
             self._tilts.publish(Float64(data=output.tilt))
         if output.record is not None:
-            self._report(run, output.record)
-        if run.episode.ended:
-            self._end(run)
-
-    def _drive(self, command: Command) -> None:
-        if self._velocity is None:
-            return
-        if self._velocity.msg_type is Twist:
-            self._velocity.publish(conversions.twist(command))
-            return
-        now = self.get_clock().now().to_msg()
-        frame = self._settings.base_frame
-        self._velocity.publish(conversions.twist_stamped(command, now, frame))
-
-    def _check_base(self) -> None:
-        """Look who is on cmd_vel, and make the publisher that its listener understands."""
-        if time.monotonic() - self._base_checked_at < BASE_CHECK_S:
-            return
-        self._base_checked_at = time.monotonic()
-        topic = self.resolve_topic_name("cmd_vel")
-        infos = self.get_publishers_info_by_topic(topic)
-        publishers = [(info.node_namespace, info.node_name) for info in infos]
-        me = (self.get_namespace(), self.get_name())
-        if self._velocity is not None and me in publishers:
-            publishers.remove(me)
-        base = check_base(
-            topic,
-            conversions.endpoints(self.get_subscriptions_info_by_topic(topic)),
-            [name for _, name in publishers],
-            self._settings.cmd_vel_type,
-            self._settings.allow_robot,
-            self._settings.other_publishers.split(),
-        )
-        self._inputs = replace(self._inputs, base=base)
-        if base.ready:
-            self._speak(TwistStamped if base.type == STAMPED else Twist)
-
-    def _speak(self, kind: type) -> None:
-        if self._velocity is not None:
-            if self._velocity.msg_type is kind:
-                return
-            self.destroy_publisher(self._velocity)
-        self._velocity = self.create_publisher(kind, "cmd_vel", 1)
-        self.get_logger().info(f"Sending {kind.__name__} to {self._velocity.topic_name}.")
+            self._report(episode, output.record)
+        if episode.ended:
+            self._end(episode)
 
     def _watch_clock(self) -> None:
-        """Stop the robot when node time stands still, which stops every other watch."""
-        run = self._run
-        if run is None:
-            return
-        standstill = self._clock_watch.look(time.monotonic(), self.get_clock().now().nanoseconds)
-        if standstill >= Standstill.STOP:
-            self._drive(STOP)
-        if standstill >= Standstill.FAIL:
-            run.episode.fail("Node time stands still: is /clock published?")
-        if standstill >= Standstill.END:
-            self._end(run)
+        if self._episode is not None:
+            self._check_time(self._episode)
+
+    def _check_time(self, episode: Episode) -> None:
+        """Stop the robot when node time stands still or leaps, which misleads every other watch."""
+        watch = self._clock_watch
+        alarm = watch.look(time.monotonic(), self.get_clock().now().nanoseconds)
+        if alarm >= Alarm.STOP:
+            self._velocity.send(STOP)
+        if alarm >= Alarm.FAIL:
+            episode.fail(watch.reason)
+        if alarm >= Alarm.END:
+            self._end(episode)
 
     # Reports
 
-    def _report(self, run: Run, record: StepRecord) -> None:
+    def _report(self, episode: Episode, record: StepRecord) -> None:
         """Publish a decision before it is executed."""
         now = self.get_clock().now().to_msg()
-        self._decisions.publish(conversions.decision(record, run.episode.goal, now))
-        run.goal.publish_feedback(conversions.feedback(record, run.episode.track.path_length))
+        self._decisions.publish(conversions.decision(record, episode.goal, now))
+        goal = self._goals.current
+        if goal is not None:
+            goal.tell(conversions.feedback(record, episode.track.path_length))
 
     def _publish_status(self, episode: Episode, phase: int) -> None:
         now = self.get_clock().now().to_msg()
         self._episodes.publish(conversions.status(episode, phase, self._policy.name, now))
+
+    # The end
 
     def shut_down(self, wait: Callable[[float], None]) -> None:
         """Send zeros for long enough to arrive, end a running episode, and let the policy finish.
@@ -319,14 +250,13 @@ class PolicyNode(Node):
         Args:
             wait: spends at most so many seconds, if possible serving what is still asked for.
         """
-        self._closing = True
+        self._goals.close()
         end = time.monotonic() + BURST_S
-        if self._run is not None:
-            self._next = None
-            self._run.episode.fail("The policy node was stopped.")
-            self._end(self._run)
-        while self._velocity is not None and time.monotonic() < end:
-            self._drive(STOP)
+        if self._episode is not None:
+            self._episode.fail("The policy node was stopped.")
+            self._end(self._episode)
+        while self._velocity.speaks and time.monotonic() < end:
+            self._velocity.send(STOP)
             wait(0.05)
         self._worker.shutdown(wait=True, cancel_futures=True)
 

@@ -31,12 +31,13 @@ class Endpoint:
 class BaseCheck:
     """What is known of the base: ``fault`` forbids driving for good, ``waiting`` only so far.
 
-    ``type`` is the message type to send when neither is set.
+    ``type`` is the message type to send when neither is set; ``deaf`` says that nobody listens.
     """
 
     type: str = ""
     waiting: str = ""
     fault: str = ""
+    deaf: bool = False
 
     @property
     def ready(self) -> bool:
@@ -73,7 +74,7 @@ def check_base(
         )
     bases = [s for s in subscribers if s.node not in RECORDERS]
     if not bases:
-        return BaseCheck(waiting=f"No robot listens on {topic}.")
+        return BaseCheck(waiting=f"No robot listens on {topic}.", deaf=True)
     if any(base.node == UNKNOWN_NODE for base in bases):
         return BaseCheck(waiting=f"A listener on {topic} has not said its name.")
     robots = sorted({base.node for base in bases} - {MOCK})

@@ -7,13 +7,20 @@ from __future__ import annotations
 
 import math
 
-from cfnav_ros.motion import Odometry, jumped
+from cfnav_ros.disturbance import Slip
+from cfnav_ros.motion import Odometry, jumped, wrap
 
 STILL_V, STILL_W = 0.01, 0.03
-"""Slower than this (m/s, rad/s) is standing."""
+"""A twist slower than this (m/s, rad/s) is standing."""
+
+DRIFT_V, DRIFT_W = 0.04, 0.1
+"""A pose that moves faster than this (m/s, rad/s) is not standing, whatever the twist says."""
 
 STILL_SAMPLES = 3
 """Odometry samples in a row that must say so."""
+
+MIN_DT_S = 0.02
+"""Samples closer in time than this are compared as if they were this far apart, seconds."""
 
 BUMP_GAP_S = 0.5
 """Contacts closer in time than this are one bump."""
@@ -26,6 +33,7 @@ class Track:
         """Start from nothing; the bump reported at ``bumped_at`` (seconds) is an old one."""
         self.path_length = 0.0
         self.bumps = 0
+        self.slip = Slip()
         self._last: Odometry | None = None
         self._bumped_at = bumped_at
         self._still_samples = 0
@@ -42,7 +50,8 @@ class Track:
         if before and before.stamp == sample.stamp:
             return True
         self._last = sample
-        if abs(sample.v) >= STILL_V or abs(sample.w) >= STILL_W:
+        self.slip.take(sample)
+        if abs(sample.v) >= STILL_V or abs(sample.w) >= STILL_W or _drifts(before, sample):
             self._still_samples = 0
         else:
             self._still_from = self._still_from if self._still_samples else sample.stamp
@@ -60,3 +69,12 @@ class Track:
         new = stamp > before + BUMP_GAP_S
         self.bumps += new
         return new
+
+
+def _drifts(before: Odometry | None, sample: Odometry) -> bool:
+    """Whether the pose moved between two samples."""
+    if before is None:
+        return False
+    dt = max(sample.stamp - before.stamp, MIN_DT_S)
+    way = math.hypot(sample.x - before.x, sample.y - before.y)
+    return way > DRIFT_V * dt or abs(wrap(sample.yaw - before.yaw)) > DRIFT_W * dt

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from cfnav_ros.clock_watch import GRACE_S
-from cfnav_ros.episode import EpisodeLimits
+from cfnav_ros.limits import EpisodeLimits
 from sim_bridge.base import BaseLimits
 from sim_bridge.rplidar import SCAN_PERIOD
 

@@ -6,9 +6,10 @@ from concurrent.futures import Future
 from types import SimpleNamespace
 
 import numpy as np
-from cfnav_ros.episode import Episode, EpisodeLimits, Phase
+from cfnav_ros.episode import Episode, Phase
 from cfnav_ros.inputs import NEVER, Frame, Inputs, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Verdict
+from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import Odometry
 from cfnav_ros.preflight import BaseCheck
 
@@ -58,7 +59,10 @@ class Robot:
         self.t = 100.0
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.estimate, self.base, self.bumped_at = FREE, READY, NEVER
-        self.stuck, self.tilt_stuck = False, False
+        self.front_bumped_at = NEVER
+        self.stuck, self.tilt_stuck, self.slips = False, False, False
+        self.odometry = lambda t: Odometry(t, self.x, self.y, self.yaw, self.v, self.w)
+        self.fields = {}  # inputs that are other than they should be
         self.frozen = set()  # inputs that no longer arrive
         self.inputs = None
         self.commands, self.tilts, self.records = [], [], []
@@ -70,10 +74,12 @@ class Robot:
             base=self.base,
             frame=Frame(ns, lambda: picture),
             estimate=StampedEstimate(ns, self.estimate),
-            odometry=Odometry(self.t, self.x, self.y, self.yaw, self.v, self.w),
+            odometry=self.odometry(self.t),
             tilt=Tilt(self.t, self.tilt),
             bumped_at=self.bumped_at,
+            front_bumped_at=self.front_bumped_at,
         )
+        new = dataclasses.replace(new, **self.fields)
         if self.inputs:
             kept = {name: getattr(self.inputs, name) for name in self.frozen}
             new = dataclasses.replace(new, **kept)
@@ -91,9 +97,10 @@ class Robot:
         if output.record:
             self.records.append((self.t, output.record))
         self.v, self.w = (0.0, 0.0) if self.stuck else (output.command.v, output.command.w)
-        self.x += self.v * math.cos(self.yaw) * DT
-        self.y += self.v * math.sin(self.yaw) * DT
-        self.yaw += self.w * DT
+        grip = 0.0 if self.slips else 1.0
+        self.x += grip * self.v * math.cos(self.yaw) * DT
+        self.y += grip * self.v * math.sin(self.yaw) * DT
+        self.yaw += grip * self.w * DT
         self.t += DT
         return output
 

@@ -1,7 +1,7 @@
 """How long node time may stand still."""
 
 import pytest
-from cfnav_ros.clock_watch import ClockWatch, Standstill
+from cfnav_ros.clock_watch import Alarm, ClockWatch
 
 RUNNING_NS = 5_000_000_000
 
@@ -11,18 +11,18 @@ def watch():
     """Node time has just moved to ``RUNNING_NS``, at 100 s of real time."""
     watch = ClockWatch(timeout=2.0, start_timeout=10.0)
     watch.restart(99.9)
-    assert watch.look(100.0, RUNNING_NS) is Standstill.NONE
+    assert watch.look(100.0, RUNNING_NS) is Alarm.NONE
     return watch
 
 
 @pytest.mark.parametrize(
     ("stood", "expected"),
     [
-        (0.4, Standstill.NONE),
-        (0.6, Standstill.STOP),
-        (1.9, Standstill.STOP),
-        (2.1, Standstill.FAIL),
-        (2.6, Standstill.END),
+        (0.4, Alarm.NONE),
+        (0.6, Alarm.STOP),
+        (1.9, Alarm.STOP),
+        (2.1, Alarm.FAIL),
+        (2.6, Alarm.END),
     ],
 )
 def test_the_longer_it_stands_the_more_it_asks_for(watch, stood, expected):
@@ -31,27 +31,47 @@ def test_the_longer_it_stands_the_more_it_asks_for(watch, stood, expected):
 
 def test_time_that_runs_is_never_told_off(watch):
     for tick in range(1, 200):
-        assert watch.look(100.0 + 0.4 * tick, RUNNING_NS + tick) is Standstill.NONE
+        assert watch.look(100.0 + 0.4 * tick, RUNNING_NS + tick) is Alarm.NONE
 
 
 def test_time_that_moves_again_starts_anew(watch):
-    assert watch.look(102.6, RUNNING_NS) is Standstill.END
-    assert watch.look(102.7, RUNNING_NS + 1) is Standstill.NONE
-    assert watch.look(103.3, RUNNING_NS + 1) is Standstill.STOP
+    assert watch.look(102.6, RUNNING_NS) is Alarm.END
+    assert watch.look(102.7, RUNNING_NS + 1) is Alarm.NONE
+    assert watch.look(103.3, RUNNING_NS + 1) is Alarm.STOP
 
 
 def test_time_that_jumps_back_runs(watch):
-    assert watch.look(103.0, RUNNING_NS - 1) is Standstill.NONE
+    assert watch.look(103.0, RUNNING_NS - 1) is Alarm.NONE
 
 
 def test_time_that_has_not_begun_is_waited_for_longer():
     watch = ClockWatch(timeout=2.0, start_timeout=10.0)
     watch.restart(100.0)
     looks = [watch.look(100.0 + stood, 0) for stood in (0.4, 9.9, 10.1, 10.6)]
-    assert looks == list(Standstill)
+    assert looks == list(Alarm)
 
 
 def test_a_new_episode_does_not_inherit_the_standing_of_the_pause(watch):
     watch.restart(160.0)
-    assert watch.look(160.4, RUNNING_NS) is Standstill.NONE
-    assert watch.look(160.6, RUNNING_NS) is Standstill.STOP
+    assert watch.look(160.4, RUNNING_NS) is Alarm.NONE
+    assert watch.look(160.6, RUNNING_NS) is Alarm.STOP
+
+
+@pytest.mark.parametrize(("passed", "advance"), [(0.05, 10.0), (0.1, 6.0), (1.0, 24.0)])
+def test_time_that_leaps_ahead_fails_an_episode(watch, passed, advance):
+    assert watch.look(100.0 + passed, RUNNING_NS + int(advance * 1e9)) is Alarm.FAIL
+    assert watch.reason == f"Node time leapt ahead by {advance:.1f} s: was the clock set?"
+
+
+@pytest.mark.parametrize(("passed", "advance"), [(0.05, 1.0), (0.4, 8.0), (1.3, 1.3)])
+def test_a_fast_simulation_or_a_stalled_process_is_no_leap(watch, passed, advance):
+    assert watch.look(100.0 + passed, RUNNING_NS + int(advance * 1e9)) is Alarm.NONE
+
+
+def test_time_may_be_anywhere_when_an_episode_or_time_itself_begins(watch):
+    watch.restart(200.0)
+    assert watch.look(200.1, RUNNING_NS + 10**12) is Alarm.NONE
+    watch = ClockWatch(timeout=2.0, start_timeout=10.0)
+    watch.restart(100.0)
+    assert watch.look(100.1, 0) is Alarm.NONE
+    assert watch.look(100.2, RUNNING_NS) is Alarm.NONE

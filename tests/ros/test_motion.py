@@ -130,19 +130,57 @@ def test_move_ahead_holds_the_grid_heading_against_a_drifting_base():
 def test_a_base_that_does_not_move_is_blocked_after_the_stall_time():
     base = Base(moves=False)
     status, motion, commands = run(base, Action.MoveAhead)
-    assert status is Status.BLOCKED
+    assert status is Status.STALLED
     assert "no progress" in motion.reason
     assert 1.0 < len(commands) * DT < 1.3
     status, _, _ = run(Base(moves=False), Action.RotateLeft)
-    assert status is Status.BLOCKED
+    assert status is Status.STALLED
 
 
-def test_sliding_sideways_is_no_progress():
+@pytest.mark.parametrize("action", [Action.MoveAhead, Action.RotateLeft])
+def test_sliding_sideways_is_a_push(action):
     def sideways(base):
-        return Odometry(base.t, 0.0, 0.2 * base.t, 0.0, 0.2, 0.0)
+        return Odometry(base.t, base.x, base.y + 0.3 * base.t, wrap(base.yaw), 0.2, base.w)
+
+    status, motion, commands = run(Base(), action, change=sideways)
+    assert status is Status.PUSHED
+    assert "left its line" in motion.reason
+    assert len(commands) * DT < 0.4
+
+
+def test_sideways_within_the_line_is_no_progress():
+    def sideways(base):
+        return Odometry(base.t, 0.0, min(0.05, 0.2 * base.t), 0.0, 0.2, 0.0)
 
     status, _, _ = run(Base(), Action.MoveAhead, change=sideways)
-    assert status is Status.BLOCKED
+    assert status is Status.STALLED
+
+
+def test_being_turned_off_its_line_is_a_push():
+    base = Base()
+    motion = Motion(Action.MoveAhead, 0.0, base.reported, 0.0)
+    turned = Odometry(0.05, 0.0, 0.0, math.radians(31), 0.1, 0.0)
+    # Odometry that turns further between two samples than a base can was reset.
+    motion.update(0.02, Odometry(0.02, 0.0, 0.0, math.radians(15), 0.1, 0.0))
+    assert motion.update(0.05, turned) == (STOP, Status.PUSHED)
+
+
+def test_a_move_that_starts_off_its_heading_turns_in_place_first():
+    """As after a push: up to half of 45 degrees from the grid."""
+    base = Base(yaw=math.radians(22))
+    status, _, commands = run(base, Action.MoveAhead, origin=0.0)
+    assert status is Status.SUCCEEDED
+    turning = [c for c in commands if c.v == 0 and c.w != 0]
+    assert len(turning) >= 5
+    assert commands[: len(turning)] == turning
+    assert (base.x, base.y) == pytest.approx((0.25, 0.0), abs=0.02)
+    assert abs(math.degrees(base.yaw)) < 2.0
+
+
+def test_a_base_that_cannot_align_runs_into_the_deadline():
+    status, _, commands = run(Base(yaw=0.3, moves=False), Action.MoveAhead, origin=0.0)
+    assert status is Status.TIMEOUT
+    assert all(c.v == 0 for c in commands)
 
 
 def test_a_reflex_that_backs_off_is_blocked_at_once():
@@ -150,7 +188,7 @@ def test_a_reflex_that_backs_off_is_blocked_at_once():
         return Odometry(base.t, -0.15 * base.t, 0.0, 0.0, -0.15, 0.0)
 
     status, motion, commands = run(Base(), Action.MoveAhead, change=backing)
-    assert status is Status.BLOCKED
+    assert status is Status.PUSHED
     assert "backed off" in motion.reason
     assert len(commands) * DT < 0.5
 

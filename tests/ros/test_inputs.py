@@ -1,0 +1,85 @@
+"""Which inputs are missing, old, or stamped by another clock."""
+
+import dataclasses
+
+import pytest
+from cfnav_ros.inputs import AgeLimits, Frame, Inputs, StampedEstimate, Tilt, unusable
+from cfnav_ros.lidar import Estimate, Verdict
+from cfnav_ros.motion import Odometry
+
+T = 1000.0
+NAMES = ("frame", "odometry", "estimate", "tilt")
+
+
+def inputs(notes=None, arrived=T, **ages):
+    """Inputs that all arrived just now, stamped ``ages`` seconds ago."""
+    stamp = {name: T - ages.get(name, 0.0) for name in NAMES}
+    return Inputs(
+        frame=Frame(round(stamp["frame"] * 1e9)),
+        odometry=Odometry(stamp["odometry"], 0.0, 0.0, 0.0),
+        estimate=StampedEstimate(
+            round(stamp["estimate"] * 1e9), Estimate(0.0, 2.0, Verdict.GOOD, "", 1.0)
+        ),
+        tilt=Tilt(stamp["tilt"], 0.0),
+        arrived=dict.fromkeys(NAMES, arrived),
+        notes=notes or {},
+    )
+
+
+def judge(given):
+    return unusable(T, given, AgeLimits())
+
+
+def test_fresh_inputs_can_be_used():
+    assert judge(inputs()) == ""
+    assert judge(inputs(frame=0.9, odometry=0.2, estimate=0.4, tilt=-0.4)) == ""
+
+
+def test_what_is_not_needed_may_be_missing():
+    given = dataclasses.replace(inputs(), estimate=StampedEstimate(), tilt=Tilt())
+    assert judge(given) == "No collision estimate has arrived; no camera tilt has arrived."
+    assert unusable(T, given, AgeLimits(), lidar=False, tilt=False) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "word", "limit"),
+    [
+        ("frame", "picture", "1"),
+        ("odometry", "odometry", "0.25"),
+        ("estimate", "collision estimate", "0.5"),
+        ("tilt", "camera tilt", "0.5"),
+    ],
+)
+def test_silent_late_and_future_inputs_are_told_apart(name, word, limit):
+    silent = judge(inputs(**{name: 3.0}, arrived=T - 3.0))
+    assert silent == f"The newest {word} is 3.00 s old (limit {limit} s)."
+    late = judge(inputs(**{name: 3.0}))
+    assert late == (
+        f"The {word} arrives 3.00 s after its stamp (limit {limit} s): it is late, or the clock "
+        "of its sender is not this computer's."
+    )
+    assert judge(inputs(**{name: -5.0})) == f"The {word} is stamped 5.0 s in the future."
+    zero = judge(inputs(**{name: T}))
+    assert zero == f"The {word} arrives without a time, stamped 0: set it in its driver."
+
+
+@pytest.mark.parametrize(("offset", "side"), [(12.3, "behind"), (-12.3, "ahead")])
+def test_a_robot_with_another_clock_is_told_as_such(offset, side):
+    sentence = judge(inputs(**dict.fromkeys(NAMES, offset)))
+    assert sentence == (
+        f"The clocks of robot and computer differ by 12.3 s (the robot's is {side}): set both "
+        "with chrony."
+    )
+
+
+def test_one_late_input_among_others_is_no_other_clock():
+    assert "clocks of robot" not in judge(inputs(frame=12.3))
+    assert "clocks of robot" not in judge(inputs(frame=12.3, odometry=3.0))
+
+
+def test_a_note_says_why():
+    notes = {"odometry": "Odometry holds a value that is not finite"}
+    assert judge(inputs(notes, odometry=3.0, arrived=T - 3.0)) == (
+        "The newest odometry is 3.00 s old (limit 0.25 s) (Odometry holds a value that is not "
+        "finite)."
+    )
