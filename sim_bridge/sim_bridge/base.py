@@ -123,8 +123,8 @@ class Odometry:
     """The base's own account of where it is: frame ``odom``, zero where it was switched on.
 
     It adds up the motion made in the frame of the robot, so a robot that is lifted and put down
-    elsewhere goes on counting from where it was, as the real one does. The motion is the true
-    one; noise of wheels and gyroscope belongs on the arguments of ``move``.
+    elsewhere goes on counting from where it was, as the real one does. The motion is what the
+    sensors tell of the true one, see ``noise.Noise.count``.
     """
 
     def __init__(self) -> None:

@@ -34,6 +34,38 @@ class Picture:
         return np.bincount(self.owner.ravel() + 1, minlength=objects + 1)[1:]
 
 
+@dataclass(frozen=True)
+class CameraSetUp:
+    """How a camera sits on the robot.
+
+    Attributes:
+        x: m before the robot's centre.
+        z: m above the floor.
+        fov_deg: field of view of the square picture, degrees.
+        size: width and height of the picture, pixels.
+        tilts: whether it turns up and down.
+    """
+
+    x: float
+    z: float
+    fov_deg: float
+    size: int
+    tilts: bool
+
+    @property
+    def focal_share(self) -> float:
+        """Focal length as a share of the picture's width."""
+        return 0.5 / math.tan(math.radians(self.fov_deg) / 2)
+
+
+SET_UPS = {
+    "mast": CameraSetUp(0.0, CAMERA_HEIGHT, 90.0, 300, True),
+    "preview": CameraSetUp(-0.06, 0.244, 40.0, 250, False),
+}
+"""The paper's mast; the TurtleBot 4 as it is sold: OAK-D on its bracket (turtlebot4_description),
+whose preview is a square cut out of 1080P (turtlebot4_bringup ``oakd_pro.yaml``)."""
+
+
 class Camera:
     """Renders a world. Create, use and close it in one thread; it owns a GL context.
 
@@ -41,12 +73,19 @@ class Camera:
         world: what to look at; its own physics state is not touched.
         width, height: pixels.
         fov_deg: vertical field of view, degrees.
+        mount: m before the robot's centre, m above the floor.
     """
 
     def __init__(
-        self, world: World, width: int = 300, height: int = 300, fov_deg: float = 90.0
+        self,
+        world: World,
+        width: int = 300,
+        height: int = 300,
+        fov_deg: float = 90.0,
+        mount: tuple[float, float] = (0.0, CAMERA_HEIGHT),
     ) -> None:
         self._world = world
+        self._mount = mount
         model = world.model
         model.cam_fovy[model.camera("rgb").id] = fov_deg
         self._data = mj.MjData(model)
@@ -121,7 +160,8 @@ class Camera:
         forward = np.array([ct * c, ct * s, st])
         right = np.array([s, -c, 0.0])
         up = np.cross(right, forward)
-        self._data.cam_xpos[0] = (pose.x, pose.y, CAMERA_HEIGHT)
+        x, z = self._mount
+        self._data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
         self._data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
         self._renderer.update_scene(self._data, 0, self._option)
         flags = self._renderer.scene.flags

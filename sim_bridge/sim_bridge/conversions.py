@@ -23,11 +23,13 @@ from sim_bridge import rplidar
 
 if TYPE_CHECKING:
     from sim_bridge.base import Odometry as BaseOdometry
+    from sim_bridge.camera import CameraSetUp
     from sim_bridge.simulator import Simulator
 
 CAMERA_FRAME = "oakd_rgb_camera_optical_frame"
-CAMERA_HEIGHT = 1.3
-"""m above the floor, in line with the mast."""
+
+SHELL_Z = 0.0942
+"""m; height of ``shell_link`` over ``base_link``."""
 
 _BUMPER_ZONES = (
     ("bump_right", -90.0, -54.0),
@@ -81,9 +83,10 @@ def image(rgb: np.ndarray, t: float) -> Image:
     return message
 
 
-def camera_info(size: int, t: float) -> CameraInfo:
-    """Intrinsics of a square picture of ``size`` pixels that spans 90 degrees, no distortion."""
-    focal, centre = size / 2, (size - 1) / 2
+def camera_info(set_up: CameraSetUp, t: float) -> CameraInfo:
+    """Intrinsics of a square picture without distortion."""
+    size = set_up.size
+    focal, centre = size * set_up.focal_share, (size - 1) / 2
     message = CameraInfo(header=header(t, CAMERA_FRAME), height=size, width=size)
     message.distortion_model = "plumb_bob"
     message.d = [0.0] * 5
@@ -98,7 +101,7 @@ def laser_scan(distances: np.ndarray, t: float) -> LaserScan:
 
     Args:
         distances: float32 [360], metres, by bearing; see ``rplidar.driver_ranges``.
-        t: simulated s.
+        t: s, when the turn began.
     """
     message = LaserScan(header=header(t, "rplidar_link"))
     message.angle_min, message.angle_max = rplidar.ANGLE_MIN, rplidar.ANGLE_MAX
@@ -137,31 +140,46 @@ def transform(
     return message
 
 
-def static_transforms(t: float) -> list[TransformStamped]:
-    """Where the sensors sit."""
+def static_transforms(set_up: CameraSetUp, t: float) -> list[TransformStamped]:
+    """Where the sensors sit; a camera that does not tilt is one of them."""
     optical = Quaternion(x=-0.5, y=0.5, z=-0.5, w=0.5)
-    return [
-        transform(t, "base_link", "shell_link", (0.0, 0.0, 0.0942)),
-        transform(t, "shell_link", "rplidar_link", (-0.04, 0.0, 0.0988), quaternion(math.pi / 2)),
+    transforms = [
+        transform(t, "base_link", "shell_link", (0.0, 0.0, SHELL_Z)),
+        transform(
+            t, "shell_link", "rplidar_link", (-0.04, 0.0, 0.193 - SHELL_Z), quaternion(math.pi / 2)
+        ),
         transform(t, "oakd_link", "oakd_rgb_camera_frame", (0.0, 0.0, 0.0)),
         transform(t, "oakd_rgb_camera_frame", CAMERA_FRAME, (0.0, 0.0, 0.0), optical),
     ]
+    if not set_up.tilts:
+        mount = (set_up.x, 0.0, set_up.z - SHELL_Z)
+        transforms.append(transform(t, "shell_link", "oakd_link", mount))
+    return transforms
 
 
-def moving_transforms(counted: BaseOdometry, tilt: float, t: float) -> list[TransformStamped]:
-    """Where the base is in ``odom``, and the camera on its tilt joint."""
+def moving_transforms(
+    counted: BaseOdometry, set_up: CameraSetUp, tilt: float, t: float
+) -> list[TransformStamped]:
+    """Where the base is in ``odom``, and the camera on its tilt joint if it has one."""
     at, rotation = (counted.x, counted.y, 0.0), quaternion(yaw=counted.yaw)
-    mount = (0.0, 0.0, CAMERA_HEIGHT)
-    return [
+    transforms = [
         transform(t, "odom", "base_footprint", at, rotation),
         transform(t, "odom", "base_link", at, rotation),
-        transform(t, "base_link", "oakd_link", mount, quaternion(pitch=-tilt)),
     ]
+    if set_up.tilts:
+        mount = (set_up.x, 0.0, set_up.z)
+        transforms.append(transform(t, "base_link", "oakd_link", mount, quaternion(pitch=-tilt)))
+    return transforms
 
 
-def joint_state(tilt: float, t: float) -> JointState:
-    """The camera's tilt joint, rad up positive."""
-    return JointState(header=header(t, "base_link"), name=["camera_tilt"], position=[tilt])
+def joint_state(set_up: CameraSetUp, tilt: float, t: float) -> JointState:
+    """The camera's tilt joint, rad up positive; without one the wheels, which nobody measures."""
+    message = JointState(header=header(t, "base_link"))
+    if set_up.tilts:
+        message.name, message.position = ["camera_tilt"], [tilt]
+    else:
+        message.name, message.position = ["left_wheel_joint", "right_wheel_joint"], [0.0, 0.0]
+    return message
 
 
 def hazards(pressed: Iterable[float], t: float) -> HazardDetectionVector:

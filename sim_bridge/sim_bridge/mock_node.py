@@ -13,7 +13,6 @@ from copy import deepcopy
 from typing import Any, NoReturn
 
 from cfnav_interfaces.msg import FaultStatus
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
@@ -21,12 +20,12 @@ from tf2_msgs.msg import TFMessage
 from sim_bridge import conversions as to_msg
 from sim_bridge.fault_schedule import FaultSchedule, Order, read_schedule
 from sim_bridge.faults import CAMERA_INFO, COMMANDS, IMAGE, JOINTS, ODOM, SCAN, TF
+from sim_bridge.lidar_turn import LidarTurn
 from sim_bridge.outbox import Outbox
 from sim_bridge.pacing import MAX_LAG_S, Every, Pacer
 from sim_bridge.parameters import read_parameters
 from sim_bridge.robot_clock import RobotClock
-from sim_bridge.robot_node import CLOCK, HAZARDS, TF_STATIC, RivalNode, RobotNode
-from sim_bridge.rplidar import SCAN_PERIOD
+from sim_bridge.robot_node import CLOCK, HAZARDS, TF_STATIC, TILT, RivalNode, RobotNode
 from sim_bridge.scan_faults import stranger
 from sim_bridge.simulator_node import SimulatorNode
 from sim_bridge.stage import Stage
@@ -53,11 +52,11 @@ class Mock:
         self._inbox: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
         self.robot = RobotNode(
             lambda v, w: self._hand_over(self._receive, COMMANDS, (v, w), self._drive),
-            lambda tilt: self._hand_over(
-                self._receive, "camera_tilt/command", tilt, self._simulator.tilt_to
-            ),
+            lambda tilt: self._hand_over(self._receive, TILT, tilt, self._simulator.tilt_to),
         )
         self.parameters = p = read_parameters(self.robot)
+        if p.set_up.tilts:
+            self.robot.tilt()
         self.simulator_node = SimulatorNode(
             self._hand_over, self._start_episode, self._end_episode, self._set_fault
         )
@@ -66,29 +65,25 @@ class Mock:
         self._outbox = Outbox(self._faults)
         self._clock = RobotClock()
         self._rival: RivalNode | None = None
+        self._turn = LidarTurn()
         self._schedule = (
             Every(STATE_PERIOD, self._publish_state),
-            Every(SCAN_PERIOD, self._publish_scan),
             Every(CAMERA_PERIOD, self._publish_picture),
         )
         self._stage = Stage(p)
         self._simulator = self._stage.simulator
 
-    def set_up(self, executor: Executor) -> None:
+    def set_up(self) -> None:
         """Put the robot down and make sure that no other robot is about.
-
-        Args:
-            executor: will spin ``robot``.
 
         Raises:
             ValueError: with one sentence, when the parameters ask for what cannot be had.
         """
-        self._executor = executor
         self._stage.put_robot()
         if self.parameters.domain_guard:
             self._refuse_company()
         self._publish_map()
-        mounts = TFMessage(transforms=to_msg.static_transforms(self._now))
+        mounts = TFMessage(transforms=to_msg.static_transforms(self.parameters.set_up, self._now))
         self.robot.out[TF_STATIC].publish(mounts)
 
     @property
@@ -173,8 +168,19 @@ class Mock:
     def _start_episode(self, request: Any, response: Any) -> Any:
         if self._stage.start_episode(request, response):
             self._publish_map()
+        if response.ok:
+            self._restart(request.seed)
         self._pacer.restart(self._simulator.time, time.monotonic())
         return response
+
+    def _restart(self, seed: int) -> None:
+        """Let the robot's messages begin anew, so that an episode repeats itself."""
+        t = self._simulator.time
+        self._outbox.clear()
+        self._faults.reseed(seed)
+        self._turn.restart(t)
+        for every in self._schedule:
+            every.restart(t)
 
     def _end_episode(self, _: Any, response: Any) -> Any:
         self._stage.end_episode(response)
@@ -204,7 +210,7 @@ class Mock:
         active = self._faults.active
         self._simulator.suffer(active)
         self._clock.suffer(active, t)
-        self._executor.create_task(self.robot.listen, active)
+        self.robot.suffer(active)
         self._let_rival(active & {"scan_rival", "cmd_rival"})
         for name, holds in changes:
             header = to_msg.header(self._clock.true(t), "")
@@ -225,6 +231,8 @@ class Mock:
         """
         t = self._simulator.time
         due = [every.action for every in self._schedule if every.due(t)]
+        if self._turn.complete(t, self._simulator.world.pose):
+            due.append(self._publish_scan)
         if collision_began and self._publish_state not in due:
             due.append(self._publish_contact)
         if (due or self._outbox.due(t)) and self._clock.stopped_at is None:
@@ -233,16 +241,17 @@ class Mock:
             action()
         self._outbox.release(t)
 
-    def _send(self, topic: str, message: Any) -> None:
-        self._outbox.put(topic, message, self.robot.out[topic].publish, self._simulator.time)
+    def _send(self, topic: str, message: Any, latency: float = 0.0) -> None:
+        t = self._simulator.time
+        self._outbox.put(topic, message, self.robot.out[topic].publish, t, latency)
 
     def _publish_state(self) -> None:
-        simulator, now = self._simulator, self._now
-        tilt = simulator.world.pose.tilt
-        self._send(ODOM, to_msg.odometry(simulator.odometry, simulator.twist, now))
-        moving = to_msg.moving_transforms(simulator.odometry, tilt, now)
-        self._send(TF, TFMessage(transforms=moving))
-        self._send(JOINTS, to_msg.joint_state(tilt, now))
+        simulator, now, set_up = self._simulator, self._now, self.parameters.set_up
+        tilt, late = simulator.world.pose.tilt, self._stage.noise.levels.odometry_latency
+        self._send(ODOM, to_msg.odometry(simulator.odometry, simulator.twist, now), late)
+        moving = to_msg.moving_transforms(simulator.odometry, set_up, tilt, now)
+        self._send(TF, TFMessage(transforms=moving), late)
+        self._send(JOINTS, to_msg.joint_state(set_up, tilt, now))
         self._publish_contact()
 
     def _publish_contact(self) -> None:
@@ -251,7 +260,10 @@ class Mock:
         self.simulator_node.truth.publish(truth)
 
     def _publish_scan(self) -> None:
-        scan = to_msg.laser_scan(self._simulator.world.scan(), self._now)
+        began = self._clock(self._turn.began)
+        distances = self._stage.noise.scan(self._turn.distances(self._simulator.world))
+        self._turn.next()
+        scan = to_msg.laser_scan(distances, began)
         if self._rival is not None and self._rival.scan is not None:
             other = deepcopy(scan)
             stranger(other)
@@ -259,8 +271,9 @@ class Mock:
         self._send(SCAN, scan)
 
     def _publish_picture(self) -> None:
-        self._send(IMAGE, to_msg.image(self._stage.camera.rgb(), self._now))
-        self._send(CAMERA_INFO, to_msg.camera_info(self.parameters.camera_size, self._now))
+        now, late = self._now, self._stage.noise.levels.image_latency
+        self._send(IMAGE, to_msg.image(self._stage.picture(CAMERA_PERIOD), now), late)
+        self._send(CAMERA_INFO, to_msg.camera_info(self.parameters.set_up, now), late)
 
     def _publish_map(self) -> None:
         grid = self._simulator.world.occupancy(MAP_RESOLUTION)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import rclpy
 import rclpy.utilities
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 if TYPE_CHECKING:
@@ -58,15 +59,11 @@ def _run(args: list[str]) -> int:
 
             mock = Mock()
             cleanup.callback(mock.close)
-            executors = [SingleThreadedExecutor() for _ in mock.nodes]
-            mock.set_up(executors[0])
+            mock.set_up()
         except (ValueError, ImportError) as error:
             print(f"mock_turtlebot4: {error}", file=sys.stderr)
             return 2
-        spinners = []
-        for executor, node in zip(executors, mock.nodes, strict=True):
-            executor.add_node(node)
-            spinners.append(threading.Thread(target=_spin, args=(executor, mock)))
+        spinners = [threading.Thread(target=_spin, args=(node, mock)) for node in mock.nodes]
         cleanup.callback(_stop, spinners, mock)
         for spinner in spinners:
             spinner.start()
@@ -87,7 +84,9 @@ def _join_graph(args: list[str]) -> None:
         )
 
 
-def _spin(executor: SingleThreadedExecutor, mock: Mock) -> None:
+def _spin(node: Node, mock: Mock) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     try:
         executor.spin()
     except (ExternalShutdownException, CancelledError):
@@ -98,9 +97,10 @@ def _spin(executor: SingleThreadedExecutor, mock: Mock) -> None:
 
 def _stop(spinners: list[threading.Thread], mock: Mock) -> None:
     rclpy.try_shutdown()
-    while any(spinner.is_alive() for spinner in spinners):
-        mock.refuse_requests()
-        spinners[0].join(timeout=0.05)
+    for spinner in spinners:
+        while spinner.is_alive():
+            mock.refuse_requests()
+            spinner.join(timeout=0.05)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,10 @@ class Every:
         self._period = period
         self._next = 0.0
 
+    def restart(self, t: float) -> None:
+        """Be due at simulated time t, s, and every period from there on."""
+        self._next = t
+
     def due(self, t: float) -> bool:
         """Whether the time has come; True once for each period."""
         if t < self._next - 1e-9:

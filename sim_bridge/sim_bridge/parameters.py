@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
+
+from sim_bridge.camera import SET_UPS, CameraSetUp
 
 _OWNED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 
@@ -29,7 +31,9 @@ class MockParameters:
     seed: int = _parameter(0, "draws the start pose of the first episode")
     start: tuple[float, ...] = _parameter((), "x m, y m, yaw rad; only without a goal")
     speed: float = _parameter(1.0, "times real time; 0 is as fast as it can")
-    camera_size: int = _parameter(300, "width and height of the picture, pixels")
+    camera: str = _parameter("mast", "mast (1.3 m, 90 deg, tilts) or preview (as sold, 40 deg)")
+    camera_size: int = _parameter(0, "width and height of the picture, pixels; 0: the camera's own")
+    noise: float = _parameter(1.0, "scales the noise of sensors and wheels; 0 is none")
     faults: str = _parameter("", "YAML file with a list of {fault, at | when, duration}")
     domain_guard: bool = _parameter(True, "refuse to start where another robot publishes")
 
@@ -42,8 +46,20 @@ class MockParameters:
             raise ValueError("start and goal are both given; a goal draws its start from seed.")
         if not (self.speed >= 0 and math.isfinite(self.speed)):
             raise ValueError(f"speed is {self.speed}; expected 0 or more times real time.")
-        if not 32 <= self.camera_size <= 1080:
-            raise ValueError(f"camera_size is {self.camera_size}; expected 32 to 1080 pixels.")
+        if self.camera not in SET_UPS:
+            raise ValueError(f"camera is {self.camera!r}; expected {' or '.join(SET_UPS)}.")
+        if self.camera_size and not 32 <= self.camera_size <= 1080:
+            raise ValueError(
+                f"camera_size is {self.camera_size}; expected 32 to 1080 pixels, or 0."
+            )
+        if not 0 <= self.noise <= 10:
+            raise ValueError(f"noise is {self.noise}; expected 0 to 10 times the nominal noise.")
+
+    @property
+    def set_up(self) -> CameraSetUp:
+        """The camera, with the size asked for."""
+        chosen = SET_UPS[self.camera]
+        return replace(chosen, size=self.camera_size or chosen.size)
 
 
 def read_parameters(node: Node) -> MockParameters:

@@ -24,6 +24,7 @@ from tf2_msgs.msg import TFMessage
 from sim_bridge.faults import CAMERA_INFO, IMAGE, JOINTS, ODOM, SCAN, TF
 
 CLOCK, TF_STATIC, HAZARDS = "/clock", "tf_static", "hazard_detection"
+TILT = "camera_tilt/command"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -57,15 +58,26 @@ class RobotNode(Node):
         self.out: dict[str, Publisher] = {
             topic: self.create_publisher(kind, topic, qos) for topic, (kind, qos) in TOPICS.items()
         }
-        self.create_subscription(
-            Float64, "camera_tilt/command", lambda message: on_tilt(message.data), 10
-        )
+        self._on_tilt = on_tilt
         self._ears: list[Subscription] = []
         self._heard: dict[str, type] = {}
-        self.listen(frozenset())
+        self._faults: frozenset[str] = frozenset()
+        # Subscriptions come and go in the executor's thread only.
+        self._changed = self.create_guard_condition(self._listen)
+        self._listen()
 
-    def listen(self, faults: frozenset[str]) -> None:
-        """Subscribe to commands, as far as the faults leave it; in the executor's thread."""
+    def tilt(self) -> None:
+        """Obey commands to the camera's tilt, which not every camera has."""
+        self.create_subscription(Float64, TILT, lambda message: self._on_tilt(message.data), 10)
+
+    def suffer(self, faults: frozenset[str]) -> None:
+        """Take the faults that hold from now on, names in ``faults.FAULTS``; in any thread."""
+        self._faults = faults
+        self._changed.trigger()
+
+    def _listen(self) -> None:
+        """Subscribe to commands, as far as the faults leave it."""
+        faults = self._faults
         kinds: dict[str, type] = {"cmd_vel": TwistStamped, "cmd_vel_unstamped": Twist}
         if "cmd_type" in faults:
             kinds = {"cmd_vel": Twist}

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sim_bridge.base import Base, Motion, Odometry
+from sim_bridge.noise import Noise, NoiseLevels
 
 if TYPE_CHECKING:
     from sim_bridge.grid import Start
@@ -89,9 +90,11 @@ class Simulator:
 
     Args:
         world: where the robot is; ``enter`` moves it to another.
+        noise: of wheels and odometry; none when None.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, noise: Noise | None = None) -> None:
+        self.noise = noise or Noise(NoiseLevels().scaled(0.0), 0)
         self.base = Base()
         self.odometry = Odometry()
         self.steps = 0
@@ -118,8 +121,9 @@ class Simulator:
 
     @property
     def twist(self) -> tuple[float, float]:
-        """The velocity that the wheels report: m/s forward, rad/s."""
-        return self._wheels if "base_slip" in self.trouble else self.world.velocity
+        """The velocity that the base reports: m/s forward, rad/s."""
+        slips = "base_slip" in self.trouble
+        return self.noise.twist(*(self._wheels if slips else self.world.velocity))
 
     def pressed(self) -> list[float]:
         """Bearings of what presses the bumper, rad counter-clockwise from the front.
@@ -136,6 +140,8 @@ class Simulator:
         self._speed = 0.0
         self._still_since: float | None = self.time
         self.tilt_target = 0.0
+        self.tilt_rate = 0.0
+        """rad/s of the camera, up positive."""
         self.collisions = Collisions()
         self.path_length = 0.0
         self.goal = ""
@@ -233,10 +239,11 @@ class Simulator:
         if not self.wheels_enabled:
             self.base.forget()
         self._wheels = self.base.update(self.time, self.world.timestep)
-        self._drive(*self._wheels)
+        self._drive(*self.noise.slip(*self._wheels))
         self.steps += 1
         forward, left, turn = _motion(before, self.world.pose)
-        self.odometry.move(forward, left, turn)
+        self.odometry.move(*self.noise.count(forward, left, turn, self.world.timestep))
+        self.tilt_rate = (self.world.pose.tilt - before.tilt) / self.world.timestep
         distance = math.hypot(forward, left)
         self.path_length += distance
         began = self.collisions.update(self.time, self.world.contacts(), self._speed)

@@ -15,6 +15,7 @@ import numpy as np
 from cfnav_core.visibility import VISIBLE_DISTANCE_M
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode, state_grid
+from sim_bridge.noise import Noise, NoiseLevels
 from sim_bridge.room import generate_room, parse_room
 from sim_bridge.simulator import Simulator
 from sim_bridge.world import Pose, World
@@ -36,7 +37,8 @@ class Stage:
     def __init__(self, parameters: MockParameters) -> None:
         self._parameters = parameters
         world, self.camera = self._build(parameters.room)
-        self.simulator = Simulator(world)
+        self.noise = Noise(NoiseLevels().scaled(parameters.noise), parameters.seed)
+        self.simulator = Simulator(world, self.noise)
         self._seen: tuple[tuple, bool] = ((), False)
 
     @property
@@ -80,6 +82,7 @@ class Stage:
         if camera is not self.camera:
             self.camera.close()
             self.camera = camera
+        self.noise.reseed(request.seed)
         return new_room
 
     def end_episode(self, response: Any) -> None:
@@ -109,8 +112,16 @@ class Stage:
 
     def _build(self, room: str) -> tuple[World, Camera]:
         world = World(generate_room(*parse_room(room)))
-        size = self._parameters.camera_size
-        return world, Camera(world, width=size, height=size)
+        set_up = self._parameters.set_up
+        mount = set_up.x, set_up.z
+        return world, Camera(world, set_up.size, set_up.size, set_up.fov_deg, mount)
+
+    def picture(self, dt: float) -> np.ndarray:
+        """What the camera sees now, dt s after its last picture: uint8 [H, W, 3]."""
+        set_up = self._parameters.set_up
+        focal = set_up.focal_share * set_up.size
+        moved = focal * self.simulator.motion.w, focal * self.simulator.tilt_rate
+        return self.noise.picture(self.camera.rgb(), dt, moved)
 
     def _start(self, world: World, camera: Camera, request: Any, response: Any) -> None:
         """Put the robot at the start, once nothing can fail any more."""

@@ -169,27 +169,28 @@ class World:
                 return False
         return True
 
-    def scan(self, pose: Pose | None = None) -> np.ndarray:
-        """A turn of the LiDAR.
+    def scan(self, pose: Pose | None = None, beams: np.ndarray | None = None) -> np.ndarray:
+        """Beams of the LiDAR.
 
         Args:
             pose: where the robot stands; its present pose when None.
+            beams: int [N], which of the 360; all when None.
 
         Returns:
-            float32 [360] ranges, metres, inf where nothing is hit within 12 m; beam i at i degrees
+            float32 [N] ranges, metres, inf where nothing is hit within 12 m; beam i at i degrees
             counter-clockwise from robot-forward.
         """
         p = pose or self.pose
         origin = np.array([
             p.x + LIDAR_X * math.cos(p.yaw), p.y + LIDAR_X * math.sin(p.yaw), LIDAR_Z
         ])  # fmt: skip
-        angle = self._beams + p.yaw
+        angle = (self._beams if beams is None else self._beams[beams]) + p.yaw
         rays = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1).ravel()
-        hit = np.zeros(LIDAR_BEAMS, np.int32)
-        distance = np.zeros(LIDAR_BEAMS)
+        hit = np.zeros(len(angle), np.int32)
+        distance = np.zeros(len(angle))
         mj.mj_multiRay(
             self.model, self._query, origin, rays, self._laser_groups, 1,
-            self.model.body("base").id, hit, distance, None, LIDAR_BEAMS, LIDAR_RANGE_M,
+            self.model.body("base").id, hit, distance, None, len(angle), LIDAR_RANGE_M,
         )  # fmt: skip
         return np.where(hit >= 0, distance, np.inf).astype(np.float32)
 

@@ -123,8 +123,8 @@ class Listener:
             each()
             self.executor.spin_once(timeout_sec=0.05)
 
-    def wait_connected(self):
-        publishers = (self.velocity, self.unstamped, self.tilt)
+    def wait_connected(self, tilt=True):
+        publishers = [self.velocity, self.unstamped, *([self.tilt] if tilt else [])]
         self.wait(lambda: all(self.heard[topic] for topic in TOPICS), "every topic")
         self.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
 

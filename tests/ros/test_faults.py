@@ -16,6 +16,7 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup
 from cfnav_ros.conversions import image_to_rgb  # noqa: E402
 from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
 from sim_bridge.base import Motion, Odometry  # noqa: E402
+from sim_bridge.camera import SET_UPS  # noqa: E402
 from sim_bridge.fault_schedule import FaultSchedule, Order  # noqa: E402
 from sim_bridge.faults import CAMERA_INFO, FAULTS, IMAGE, JOINTS, ODOM, SCAN, TF  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
@@ -34,13 +35,13 @@ def make(topic, k=0):
     if topic == IMAGE:
         return to_msg.image(rng.integers(0, 255, (60, 60, 3), np.uint8), t)
     if topic == CAMERA_INFO:
-        return to_msg.camera_info(60, t)
+        return to_msg.camera_info(SET_UPS["mast"], t)
     if topic == JOINTS:
-        return to_msg.joint_state(0.1 * k, t)
+        return to_msg.joint_state(SET_UPS["mast"], 0.1 * k, t)
     counted = Odometry()
     counted.move(1.0 + k, 0.5, 0.7)
     if topic == TF:
-        return TFMessage(transforms=to_msg.moving_transforms(counted, 0.0, t))
+        return TFMessage(transforms=to_msg.moving_transforms(counted, SET_UPS["mast"], 0.0, t))
     return to_msg.odometry(counted, (0.1 + k, 0.2), t)
 
 

@@ -23,6 +23,10 @@ from .mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
         (["speed:=fast"], "expected float"),
         (["start:=[0.0, 0.0, 0.0]"], "is not free"),
         (["goal:=Unicorn"], "Unicorn"),
+        (["camera:=periscope"], "expected mast or preview"),
+        (["camera_size:=7"], "expected 32 to 1080 pixels"),
+        (["noise:=-1.0"], "expected 0 to 10"),
+        (["faults:=/nowhere.yaml"], "/nowhere.yaml cannot be read"),
     ],
 )
 def test_bad_parameter_is_one_sentence_and_exit_code_2(start_process, parameters, words):
