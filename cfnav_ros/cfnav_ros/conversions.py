@@ -11,18 +11,22 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, MotionEstimate, PolicyDecision
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, TwistStamped
 from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
 from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import Image, JointState, LaserScan
 from std_msgs.msg import Header
 
+from cfnav_ros.diagnostics import Report
 from cfnav_ros.episode import Episode, StepRecord
 from cfnav_ros.inputs import Frame, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Scan, Verdict
 from cfnav_ros.motion import Command, Odometry
-from cfnav_ros.preflight import Endpoint
+from cfnav_ros.preflight import Endpoint, Source
 
 CHANNELS = {
     "rgb8": (0, 1, 2),
@@ -231,6 +235,36 @@ def twist_stamped(command: Command, stamp: Time, frame: str) -> TwistStamped:
 def endpoints(infos: Iterable[TopicEndpointInfo]) -> list[Endpoint]:
     """Subscribers of a topic as the graph knows them."""
     return [Endpoint(info.node_name, info.topic_type) for info in infos]
+
+
+def sources(infos: Iterable[TopicEndpointInfo], listener: Subscription) -> list[Source]:
+    """Publishers of a topic as the graph knows them, and whether a subscription hears them."""
+    found = []
+    for info in infos:
+        compatibility, reason = qos_check_compatible(info.qos_profile, listener.qos_profile)
+        clash = reason if compatibility == QoSCompatibility.ERROR else ""
+        found.append(Source(info.node_name, info.topic_type, clash))
+    return found
+
+
+def type_name(message: type) -> str:
+    """The name of a message type as the graph has it, such as sensor_msgs/msg/Image."""
+    return f"{message.__module__.split('.')[0]}/msg/{message.__name__}"
+
+
+def diagnostics(reports: Iterable[Report], node: str, now: Time) -> DiagnosticArray:
+    """Rows of /diagnostics; node is the full name of the one that they are about."""
+    rows = [
+        DiagnosticStatus(
+            name=f"{node}: {report.name}",
+            hardware_id=node,
+            level=bytes([report.level]),
+            message=report.message,
+            values=[KeyValue(key=key, value=value) for key, value in report.values.items()],
+        )
+        for report in reports
+    ]
+    return DiagnosticArray(header=Header(stamp=now), status=rows)
 
 
 def decision(record: StepRecord, goal: str, now: Time) -> PolicyDecision:

@@ -151,20 +151,29 @@ def unusable(
     Returns:
         One sentence, empty when all can be used.
     """
-    complaints = []
-    for name in needed(lidar, tilt):
-        complaint = _complaint(t, inputs, name, getattr(limits, name))
-        if complaint:
-            note = inputs.notes.get(name, "")
-            complaints.append(f"{complaint} ({note})" if note else complaint)
+    found = [input_complaint(t, inputs, n, getattr(limits, n)) for n in needed(lidar, tilt)]
+    complaints = [complaint for complaint in found if complaint]
     if not complaints:
         return ""
     text = clocks_differ(t, inputs, limits) or "; ".join(complaints)
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _complaint(t: float, inputs: Inputs, field_name: str, limit: float) -> str:
-    """What is wrong with the age of one input, without capital and full stop."""
+def input_complaint(t: float, inputs: Inputs, field_name: str, limit: float) -> str:
+    """What is wrong with the age of one input, without capital and full stop; empty if nothing.
+
+    Args:
+        t: node time, seconds.
+        inputs: newest messages.
+        field_name: of ``Inputs``, one of ``NAMES``.
+        limit: oldest allowed, seconds.
+    """
+    complaint = _age_complaint(t, inputs, field_name, limit)
+    note = inputs.notes.get(field_name, "")
+    return f"{complaint} ({note})" if complaint and note else complaint
+
+
+def _age_complaint(t: float, inputs: Inputs, field_name: str, limit: float) -> str:
     name, stamp = NAMES[field_name], inputs.stamps[field_name]
     arrived = inputs.arrived.get(field_name, NEVER)
     if stamp == NEVER:

@@ -18,6 +18,7 @@ from typing import Any
 
 import rclpy
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from diagnostic_msgs.msg import DiagnosticArray
 from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
@@ -31,17 +32,29 @@ from std_msgs.msg import Float64
 from cfnav_core.policy import BundleError, Policy
 from cfnav_ros import conversions
 from cfnav_ros.clock_watch import Alarm, ClockWatch
+from cfnav_ros.diagnostics import (
+    Rate,
+    Stopwatch,
+    base_report,
+    episode_report,
+    inference_report,
+    input_reports,
+)
 from cfnav_ros.episode import Episode, Phase, StepRecord
 from cfnav_ros.goals import Goal, Goals
 from cfnav_ros.inputs import Inputs
 from cfnav_ros.motion import STOP
 from cfnav_ros.parameters import PolicyParameters, declare
 from cfnav_ros.picture_watch import PictureWatch
+from cfnav_ros.preflight import explain_silence
 from cfnav_ros.stop_signal import StopSignal
 from cfnav_ros.velocity import Velocity
 
 GUARD_PERIOD_S = 0.1
 """Real time between looks at whether node time still runs."""
+
+DIAGNOSTICS_S = 1.0
+"""Real time between two messages on /diagnostics."""
 
 BURST_S = 0.6
 """How long zeros are sent before the process ends: a base may miss single ones."""
@@ -61,6 +74,7 @@ class PolicyNode(Node):
         self._worker = ThreadPoolExecutor(1, "policy")
         self._episode: Episode | None = None
         self._inputs = Inputs()
+        self._heard: set[str] = set()
         self._velocity = Velocity(self, settings)
         self._pictures = PictureWatch(settings.frozen_picture_time)
         self._clock_watch = ClockWatch(settings.clock_timeout, settings.episode.preflight_timeout)
@@ -71,6 +85,9 @@ class PolicyNode(Node):
         self._guard = self.create_timer(
             GUARD_PERIOD_S, self._watch_clock, clock=steady, autostart=False
         )
+        self._rates = {name: Rate() for name in self._listeners}
+        self._inferences = Stopwatch()
+        self.create_timer(DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._answered = self.create_guard_condition(self._poke)
         self._goals = Goals(self, self._begin, self._preempt)
         self._announce()
@@ -83,16 +100,19 @@ class PolicyNode(Node):
         self._decisions = self.create_publisher(PolicyDecision, "policy/decision", 50)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._episodes = self.create_publisher(EpisodeStatus, "policy/episode", latched)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._tilts = self.create_publisher(Float64, "camera_tilt/command", 10)
 
     def _create_subscriptions(self) -> None:
         subscribe, newest = self.create_subscription, qos_profile_sensor_data
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
         image_topic = self._settings.image_topic
-        self._images = subscribe(Image, image_topic, self._on_image, only_newest)
-        subscribe(CollisionEstimate, "collision/estimate", self._on_estimate, 5)
-        subscribe(Odometry, "odom", self._on_odometry, newest)
-        subscribe(JointState, "joint_states", self._on_joints, newest)
+        self._listeners = {
+            "frame": subscribe(Image, image_topic, self._on_image, only_newest),
+            "estimate": subscribe(CollisionEstimate, "collision/estimate", self._on_estimate, 5),
+            "odometry": subscribe(Odometry, "odom", self._on_odometry, newest),
+            "tilt": subscribe(JointState, "joint_states", self._on_joints, newest),
+        }
         subscribe(HazardDetectionVector, "hazard_detection", self._on_hazards, newest)
         subscribe(DockStatus, "dock_status", self._on_dock, newest)
         subscribe(WheelStatus, "wheel_status", self._on_wheels, newest)
@@ -100,11 +120,11 @@ class PolicyNode(Node):
     def _announce(self) -> None:
         episode = self._settings.episode
         probability = "collision/estimate" if episode.lidar else "the bundle's own predictor"
+        veto = "on" if episode.lidar and episode.veto else "off"
         self.get_logger().info(
-            f"Bundle {self._policy.name} drives. Pictures from {self._images.topic_name}, "
-            f"collision probability from {probability}, LiDAR veto "
-            f"{'on' if episode.lidar and episode.veto else 'off'}, velocities to "
-            f"{self._velocity.topic}. "
+            f"Bundle {self._policy.name} drives. Pictures from "
+            f"{self._listeners['frame'].topic_name}, collision probability from {probability}, "
+            f"LiDAR veto {veto}, velocities to {self._velocity.topic}. "
             f"Goals: {', '.join(self._policy.goals)}."
         )
 
@@ -139,6 +159,9 @@ class PolicyNode(Node):
         """Keep a message; one that makes no sense is left out, so that its input grows old."""
         inputs, notes = self._inputs, {**self._inputs.notes}
         notes.pop(name, None)
+        self._heard.add(name)
+        if name in self._rates:
+            self._rates[name].note(time.monotonic())
         try:
             value = convert(*message)
         except ValueError as error:
@@ -149,6 +172,19 @@ class PolicyNode(Node):
         if value is not None:  # None: it speaks of something else
             arrived = {**inputs.arrived, name: self.get_clock().now().nanoseconds * 1e-9}
             self._inputs = replace(inputs, **{name: value}, arrived=arrived, notes=notes)
+
+    def _explain_silence(self) -> dict[str, str]:
+        """The notes on inputs, with what the graph says about those that have never come."""
+        notes, names = {**self._inputs.notes}, ()
+        for name, listener in self._listeners.items():
+            if name in self._heard:
+                continue
+            topic, expected = listener.topic_name, conversions.type_name(listener.msg_type)
+            names = names or [name for name, _ in self.get_topic_names_and_types()]
+            sources = conversions.sources(self.get_publishers_info_by_topic(topic), listener)
+            below = [name for name in names if name.startswith(f"{topic}/")]
+            notes[name] = explain_silence(topic, expected, sources, below)
+        return notes
 
     # Goals
 
@@ -184,7 +220,7 @@ class PolicyNode(Node):
     # Driving
 
     def _submit(self, function: Any, *args: Any) -> Future:
-        future = self._worker.submit(function, *args)
+        future = self._worker.submit(self._inferences.timed(function), *args)
         future.add_done_callback(lambda _: self._answered.trigger())
         return future
 
@@ -200,7 +236,7 @@ class PolicyNode(Node):
         self._check_time(episode)
         base = self._velocity.check()
         if base is not None:
-            self._inputs = replace(self._inputs, base=base)
+            self._inputs = replace(self._inputs, base=base, notes=self._explain_silence())
         output = episode.update(self.get_clock().now().nanoseconds * 1e-9, self._inputs)
         canceled = self._goals.canceled
         if canceled:  # after the update: what goes wrong in the same moment is said first
@@ -242,6 +278,23 @@ class PolicyNode(Node):
         now = self.get_clock().now().to_msg()
         self._episodes.publish(conversions.status(episode, phase, self._policy.name, now))
 
+    def _diagnose(self) -> None:
+        now, real, limits = self.get_clock().now(), time.monotonic(), self._settings.episode
+        rates = {name: rate.hz(real) for name, rate in self._rates.items()}
+        velocity, inputs = self._velocity, self._inputs
+        reports = (
+            *input_reports(
+                now.nanoseconds * 1e-9, inputs, limits.ages, rates, limits.lidar, limits.has_tilt
+            ),
+            episode_report(self._episode),
+            inference_report(*self._inferences.percentiles_ms(), limits.think_timeout),
+            base_report(
+                inputs, velocity.topic, velocity.type, velocity.largest_gap, bool(self._episode)
+            ),
+        )
+        name = self.get_fully_qualified_name()
+        self._diagnostics.publish(conversions.diagnostics(reports, name, now.to_msg()))
+
     # The end
 
     def shut_down(self, wait: Callable[[float], None]) -> None:
@@ -250,6 +303,7 @@ class PolicyNode(Node):
         Args:
             wait: spends at most so many seconds, if possible serving what is still asked for.
         """
+        self._velocity.send(STOP)
         self._goals.close()
         end = time.monotonic() + BURST_S
         if self._episode is not None:
@@ -257,7 +311,11 @@ class PolicyNode(Node):
             self._end(self._episode)
         while self._velocity.speaks and time.monotonic() < end:
             self._velocity.send(STOP)
-            wait(0.05)
+            try:
+                wait(0.05)
+            except Exception:  # another callback fails: the robot must be stopped all the same
+                traceback.print_exc()
+                wait = time.sleep
         self._worker.shutdown(wait=True, cancel_futures=True)
 
 

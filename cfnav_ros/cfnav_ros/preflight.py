@@ -1,4 +1,7 @@
-"""May the policy drive what listens on cmd_vel? Pure: who is on the topic is an argument."""
+"""May the policy drive what listens on cmd_vel, and why does an input not come?
+
+Pure: who is on a topic is an argument.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,38 @@ class Endpoint:
 
     node: str
     type: str
+
+
+@dataclass(frozen=True)
+class Source:
+    """A publisher of an input: its node, its message type, and where its QoS clashes with ours."""
+
+    node: str
+    type: str
+    clash: str = ""
+
+
+def explain_silence(
+    topic: str, expected: str, sources: Sequence[Source], relatives: Sequence[str] = ()
+) -> str:
+    """Say why nothing arrives, as part of a sentence; empty when there is no reason to see.
+
+    Args:
+        topic: resolved name of the input.
+        expected: message type that is listened for, such as sensor_msgs/msg/Image.
+        sources: who publishes the topic, in whatever type.
+        relatives: names of topics below it, such as that of compressed pictures.
+    """
+    if not sources:
+        only = f", only {', '.join(sorted(relatives))}" if relatives else ""
+        return f"nobody publishes {topic}{only}"
+    fitting = [source for source in sources if source.type == expected]
+    if not fitting:
+        found = sorted({f"{source.node} sends {source.type}" for source in sources})
+        return f"{', '.join(found)} on {topic}, expected {expected}"
+    if all(source.clash for source in fitting):
+        return f"{fitting[0].node} offers {topic} with other QoS: {fitting[0].clash}"
+    return ""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,15 @@ from cfnav_ros.lidar import Verdict
 from cfnav_ros.limits import EpisodeLimits
 
 
+def forbids(inputs: Inputs) -> str:
+    """One sentence when the base must not be driven at all, else empty."""
+    if not inputs.powered:
+        return "The wheels have no power: release the emergency stop of the base."
+    if inputs.docked:
+        return "The robot sits on its dock: undock it first."
+    return inputs.base.fault
+
+
 class Watch:
     """Judges the inputs of one episode, and for how long they have been what they are."""
 
@@ -28,17 +37,12 @@ class Watch:
         self._type = inputs.base.type
 
     def forbids(self, inputs: Inputs) -> str:
-        """One sentence when the base must not be driven at all, else empty."""
+        """One sentence when the base must not be driven any more, else empty."""
         base = inputs.base
-        if not inputs.powered:
-            return "The wheels have no power: release the emergency stop of the base."
-        if inputs.docked:
-            return "The robot sits on its dock: undock it first."
-        if base.fault:
-            return base.fault
-        if self._type and base.ready and base.type != self._type:
+        fault = forbids(inputs)
+        if not fault and self._type and base.ready and base.type != self._type:
             return f"The listener on cmd_vel now wants {base.type}, before it was {self._type}."
-        return ""
+        return fault
 
     def stops(self, t: float, inputs: Inputs) -> str:
         """One sentence while the robot must stand because an input cannot be used, else empty."""

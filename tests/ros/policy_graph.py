@@ -15,7 +15,7 @@ from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
 from cfnav_ros.conversions import ns_to_stamp, stamp_to_ns
 from geometry_msgs.msg import TwistStamped
-from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -37,14 +37,17 @@ BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 class Robot:
     """A base, a camera and an estimate at 20 Hz in a thread, and a client; exact and unhurried."""
 
-    def __init__(self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False):
+    def __init__(
+        self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False, namespace=""
+    ):
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
-        self.node = Node(name, context=self.context)
+        self.node = Node(name, context=self.context, namespace=namespace)
         self.clock = 100_000_000_000 if clock else None
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.probability, self.clearance, self.bumping = 0.1, 2.0, False
         self.encoding, self.silent, self.count = "bgr8", set(), 0
+        self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
         self.commands, self.pictures, self.feedback = [], {}, []
         self.decisions, self.statuses = [], []
         self._make_topics(velocity)
@@ -63,6 +66,7 @@ class Robot:
     def _make_topics(self, velocity):
         node = self.node
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        told = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.publishers = {
             "clock": node.create_publisher(Clock, "/clock", 10),
             "odometry": node.create_publisher(Odometry, "odom", latched),
@@ -70,6 +74,8 @@ class Robot:
             "image": node.create_publisher(Image, "oakd/rgb/preview/image_raw", 10),
             "estimate": node.create_publisher(CollisionEstimate, "collision/estimate", 5),
             "hazard": node.create_publisher(HazardDetectionVector, "hazard_detection", 5),
+            "dock": node.create_publisher(DockStatus, "dock_status", latched),
+            "wheels": node.create_publisher(WheelStatus, "wheel_status", latched),
         }
         if velocity is not None:
             self.subscription = node.create_subscription(
@@ -77,7 +83,7 @@ class Robot:
             )
         node.create_subscription(Float64, "camera_tilt/command", self._on_tilt, 10)
         node.create_subscription(PolicyDecision, "policy/decision", self.decisions.append, 50)
-        node.create_subscription(EpisodeStatus, "policy/episode", self.statuses.append, 10)
+        node.create_subscription(EpisodeStatus, "policy/episode", self.statuses.append, told)
         node.create_timer(PERIOD_S, self._step)
 
     def _on_velocity(self, message):
@@ -89,13 +95,20 @@ class Robot:
         self.tilt = message.data
 
     def stamp(self):
-        if self.clock is None:
-            return self.node.get_clock().now().to_msg()
-        return ns_to_stamp(self.clock)
+        now = self.node.get_clock().now().nanoseconds if self.clock is None else self.clock
+        return ns_to_stamp(now - round(self.skew * 1e9))
 
     def _send(self, name, message):
         if name not in self.silent:
+            self.damage.get(name, lambda message: None)(message)
             self.publishers[name].publish(message)
+
+    def say(self, **status):
+        """Publish a status of the base once: docked or powered."""
+        if "docked" in status:
+            self.publishers["dock"].publish(DockStatus(is_docked=status["docked"]))
+        if "powered" in status:
+            self.publishers["wheels"].publish(WheelStatus(wheels_enabled=status["powered"]))
 
     def _step(self):
         self.count += 1

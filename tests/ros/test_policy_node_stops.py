@@ -17,6 +17,19 @@ from tests.conftest import DEADLINE_S  # noqa: E402
 
 from .policy_graph import end_with, policy_graph, standing, start_node  # noqa: E402
 
+FAILING_TWICE = """
+import sys
+from cfnav_ros import conversions
+from cfnav_ros.policy_node import main
+take = conversions.odometry_from_message
+def fail_while_driving(message):
+    if message.pose.pose.position.x > 0.05:
+        raise RuntimeError("broken")
+    return take(message)
+conversions.odometry_from_message = fail_while_driving
+sys.exit(main())
+"""
+
 FAILING = """
 import sys
 from cfnav_ros.episode import Episode
@@ -54,8 +67,9 @@ def test_a_signal_stops_the_robot_first(graph, make_bundle, number):
     assert "Traceback" not in log.read_text()
 
 
-def test_a_failing_callback_stops_the_robot_first(graph, make_bundle):
-    robot, process, log = graph(make_bundle("MoveAhead"), program=("-c", FAILING))
+@pytest.mark.parametrize("program", [FAILING, FAILING_TWICE])
+def test_a_failing_callback_stops_the_robot_first(graph, make_bundle, program):
+    robot, process, log = graph(make_bundle("MoveAhead"), program=("-c", program))
     robot.send()
     assert process.wait(DEADLINE_S) == 1
     robot.wait(lambda: standing(robot), "the robot to stand")
@@ -63,6 +77,18 @@ def test_a_failing_callback_stops_the_robot_first(graph, make_bundle):
     zeros = [t for t, v, w in robot.commands if v == 0 and w == 0 and t > robot.commands[-20][0]]
     assert zeros[-1] - zeros[0] >= 0.3
     assert "RuntimeError: broken" in log.read_text()
+
+
+def test_a_canceled_goal_sends_zeros_for_half_a_second(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("MoveAhead"))
+    handle, future = robot.send()
+    robot.wait_driving()
+    handle.cancel_goal_async()
+    assert robot.result(future)[1].outcome == "canceled"
+    last = max(t for t, v, w in robot.commands if v or w)
+    zeros = [t for t, v, w in robot.commands if t > last]
+    assert len(zeros) >= 8
+    assert zeros[-1] - zeros[0] >= 0.4
 
 
 def test_lost_odometry_stops_the_robot_and_then_the_episode(graph, make_bundle):

@@ -1,7 +1,15 @@
 """Who may be driven, and with which message type."""
 
 import pytest
-from cfnav_ros.preflight import STAMPED, UNKNOWN_NODE, UNSTAMPED, Endpoint, check_base
+from cfnav_ros.preflight import (
+    STAMPED,
+    UNKNOWN_NODE,
+    UNSTAMPED,
+    Endpoint,
+    Source,
+    check_base,
+    explain_silence,
+)
 
 MOCK = Endpoint("mock_turtlebot4", STAMPED)
 RECORDER = Endpoint("recorder", STAMPED)
@@ -31,7 +39,7 @@ def test_a_real_robot_beside_the_mock_is_not_driven():
 @pytest.mark.parametrize("listeners", [[], [RECORDER]])
 def test_nobody_to_drive_is_waited_for(listeners):
     check = check_base("/cmd_vel", listeners, [])
-    assert check.waiting == "No robot listens on /cmd_vel."
+    assert (check.waiting, check.deaf) == ("No robot listens on /cmd_vel.", True)
     assert not check.ready
     assert not check.fault
 
@@ -59,3 +67,22 @@ def test_a_second_publisher_forbids_driving_unless_named():
     assert not check_base(
         "/cmd_vel", [MOCK], ["teleop", "x"], other_publishers_allowed=("teleop",)
     ).ready
+
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+
+
+def test_an_input_that_does_not_come_is_explained():
+    assert explain_silence("/image", IMAGE, []) == "nobody publishes /image"
+    assert explain_silence("/image", IMAGE, [], ["/image/compressed"]) == (
+        "nobody publishes /image, only /image/compressed"
+    )
+    assert explain_silence("/image", IMAGE, [Source("oakd", COMPRESSED)]) == (
+        f"oakd sends {COMPRESSED} on /image, expected {IMAGE}"
+    )
+    clash = Source("lidar", IMAGE, "Best effort publisher and reliable subscription.")
+    assert explain_silence("/image", IMAGE, [clash]) == (
+        "lidar offers /image with other QoS: Best effort publisher and reliable subscription."
+    )
+    assert explain_silence("/image", IMAGE, [clash, Source("oakd", IMAGE)]) == ""

@@ -1,0 +1,168 @@
+"""The policy node as a process, on inputs and bases that must not be trusted."""
+
+import time
+
+import pytest
+
+pytestmark = pytest.mark.ros
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
+
+from sensor_msgs.msg import CompressedImage  # noqa: E402
+
+from .policy_graph import policy_graph, standing  # noqa: E402
+
+
+@pytest.fixture
+def graph(tmp_path, ros_domain_id):
+    with policy_graph(tmp_path, ros_domain_id) as start:
+        yield start
+
+
+def stops(robot, future, within=1.0):
+    """Wait until the robot stands and its goal has ended; returns the result."""
+    since = time.monotonic()
+    robot.wait(lambda: standing(robot), "the robot to stand")
+    assert time.monotonic() - since < within
+    _, result = robot.result(future)
+    assert result.outcome == "aborted"
+    assert robot.commands[-1][1:] == (0.0, 0.0)
+    return result.message
+
+
+def test_dock_power_and_another_clock_are_said_before_and_while_driving(graph, make_bundle):
+    robot, _, _ = graph(
+        make_bundle("MoveAhead"), "episode.preflight_timeout:=2.0", "episode.lost_timeout:=0.5"
+    )
+    future = robot.send()[1]
+    robot.wait_driving()
+    robot.say(powered=False)
+    assert stops(robot, future).startswith("The wheels have no power")
+    _, result = robot.result(robot.send()[1])
+    assert (result.outcome, result.steps) == ("refused", 0)
+    robot.say(powered=True)
+
+    future = robot.send()[1]
+    robot.wait_driving()
+    robot.say(docked=True)
+    assert stops(robot, future) == "The robot sits on its dock: undock it first."
+    robot.say(docked=False)
+
+    future = robot.send()[1]
+    robot.wait_driving()
+    robot.damage["odometry"] = lambda message: setattr(
+        message.pose.pose.orientation, "w", float("nan")
+    )
+    message = stops(robot, future)
+    assert message.startswith("The newest odometry is ")
+    assert "quaternion of length nan" in message
+    robot.damage.clear()
+
+    robot.skew = 12.3
+    _, result = robot.result(robot.send()[1])
+    assert result.message.startswith("The clocks of robot and computer differ by 12.")
+    assert result.message.endswith("set both with chrony.")
+    robot.skew = 0.0
+    robot.node.destroy_subscription(robot.subscription)
+    _, result = robot.result(robot.send()[1])
+    assert (result.outcome, result.message) == ("refused", "No robot listens on /cmd_vel.")
+
+
+def test_pictures_of_another_type_are_named(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("MoveAhead"), "episode.preflight_timeout:=2.0")
+    robot.silent = {"image"}
+    robot.node.destroy_publisher(robot.publishers["image"])
+    _, result = robot.result(robot.send()[1])
+    assert result.message == (
+        "No picture has arrived (nobody publishes /oakd/rgb/preview/image_raw)."
+    )
+    robot.node.create_publisher(CompressedImage, "oakd/rgb/preview/image_raw", 10)
+    _, result = robot.result(robot.send()[1])
+    assert result.message == (
+        "No picture has arrived (mock_turtlebot4 sends sensor_msgs/msg/CompressedImage on "
+        "/oakd/rgb/preview/image_raw, expected sensor_msgs/msg/Image)."
+    )
+
+
+def test_a_frozen_camera_stops_the_robot(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("RotateLeft"))
+    future = robot.send(max_steps=100)[1]
+    robot.wait(lambda: robot.w > 0.3, "the robot to turn")
+    kept = next(reversed(robot.pictures.values())).data
+    robot.damage["image"] = lambda message: setattr(message, "data", kept)
+    _, result = robot.result(future)
+    assert result.outcome == "aborted"
+    assert result.message.startswith("The camera is frozen: it has sent one picture for ")
+    assert standing(robot)
+
+
+def test_a_clock_that_leaps_ahead_stops_the_robot(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("MoveAhead"), "use_sim_time:=true", clock=True)
+    future = robot.send()[1]
+    robot.wait_driving()
+    robot.clock += 10_000_000_000
+    assert stops(robot, future).startswith("Node time leapt ahead by 10.")
+    future = robot.send()[1]
+    robot.wait_driving()
+    robot.clock -= 10_000_000_000
+    assert stops(robot, future) == "Node time jumped back."
+
+
+def test_goals_by_topic_and_parameter(graph, make_bundle):
+    from std_msgs.msg import String
+
+    robot, _, _ = graph(make_bundle("MoveAhead"), "goal:=Mug")
+    asked = robot.node.create_publisher(String, "policy/goal", 10)
+    robot.wait(lambda: asked.get_subscription_count() == 1, "the node to listen")
+    robot.wait_driving()
+    asked.publish(String(data="Laptop"))
+    asked.publish(String(data="Laptop"))  # as `ros2 topic pub` does, which begins nothing anew
+    robot.wait(lambda: len(robot.statuses) == 3, "the newer goal to begin")
+    robot.wait_driving()
+    asked.publish(String(data=""))
+    robot.wait(lambda: len(robot.statuses) == 4, "the goal to end")
+    assert standing(robot)
+    told = [(s.goal, s.outcome, s.message) for s in robot.statuses]
+    assert told == [
+        ("Mug", "", ""),
+        ("Mug", "preempted", "A newer goal came."),
+        ("Laptop", "", ""),
+        ("Laptop", "canceled", "The goal was canceled."),
+    ]
+    future = robot.send("Laptop")[1]
+    robot.wait_driving()
+    asked.publish(String(data="Unicorn"))
+    _, result = robot.result(future)
+    assert result.outcome == "preempted"
+    robot.wait(lambda: len(robot.statuses) == 8, "the unknown goal to be refused")
+    assert (robot.statuses[-1].outcome, robot.statuses[-1].steps) == ("refused", 0)
+
+
+def test_the_status_counts_and_diagnostics_tell(graph, make_bundle):
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    robot, _, _ = graph(make_bundle("MoveAhead"))
+    heard = []
+    robot.node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+    future = robot.send(max_steps=2)[1]
+    robot.wait_driving()
+    robot.bumping, robot.probability = True, 0.9
+    _, result = robot.result(future)
+    robot.wait(lambda: len(robot.statuses) == 2, "the status")
+    status = robot.statuses[-1]
+    assert (status.vetoes, status.bumps) == (result.vetoes, result.bumps) == (1, 1)
+    robot.wait(lambda: len(heard) >= 2, "diagnostics")
+    rows = {row.name: row for row in heard[-1].status}
+    assert set(rows) == {
+        f"/policy_node: {name}"
+        for name in (
+            "picture", "odometry", "collision estimate", "camera tilt", "episode", "inference",
+            "base",
+        )
+    }  # fmt: skip
+    assert rows["/policy_node: odometry"].level == DiagnosticStatus.OK
+    values = {pair.key: pair.value for pair in rows["/policy_node: inference"].values}
+    assert 0 < float(values["p50_ms"]) <= float(values["p99_ms"])
+    values = {pair.key: pair.value for pair in rows["/policy_node: base"].values}
+    assert (values["topic"], values["type"]) == ("/cmd_vel", "geometry_msgs/msg/TwistStamped")
+    assert 0 < float(values["largest_gap_s"]) < 5
