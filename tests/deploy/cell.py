@@ -19,7 +19,7 @@ from tests.deploy.rig import PassingClient, Rig
 LISTS = {
     "Laptop": (Action.MoveAhead,),
     "Mug": (Action.RotateLeft, Action.MoveAhead),
-    "Bowl": (Action.LookDown, Action.LookUp, Action.LookDown, Action.LookUp, Action.MoveAhead),
+    "Bowl": (Action.LookDown, Action.LookUp, Action.LookDown, Action.MoveAhead),
 }
 """What the measuring bundle answers for each goal; the last action again and again."""
 
@@ -38,6 +38,10 @@ STOOD_S = 1.0
 
 WATCH_S = 7.0
 """How long a robot is watched after a fault: what blindness and lost inputs end is over, s."""
+
+LONG_WATCH_S = 15.0
+"""How long one that should ride through, or refuse, may take to show it, s: longer than the
+preflight waits for inputs that may yet come."""
 
 AFTER_S = 0.5
 """How long it is watched after the goal has ended or the fault was ridden through, s."""
@@ -159,6 +163,8 @@ class CellRun:
 
     def _watch(self) -> None:
         rig, bound = self.rig, self.cell.bound_s or 0.0
+        stays = self.cell.reaction in (Reaction.STOP, Reaction.DEGRADE)
+        patience = WATCH_S if stays else LONG_WATCH_S
         ended_at: list[float] = []
 
         def over() -> bool:
@@ -169,9 +175,9 @@ class CellRun:
                 return rig.now > max(ended_at[0], self.fault_s + bound) + AFTER_S
             silenced = self.cell.fault.startswith("policy_") and t > bound + 3 * AFTER_S
             ridden = t > bound + AFTER_S and rode(self._seen())
-            return silenced or ridden or t > WATCH_S
+            return silenced or ridden or t > patience
 
-        if not rig.watch(over, 3 * WATCH_S):
+        if not rig.watch(over, 3 * LONG_WATCH_S):
             raise GraphError("the simulator's account of the robot stopped")
 
     def _seen(self) -> Run:
