@@ -20,6 +20,7 @@ from enum import Enum
 
 from cfnav_ros.clock_watch import GRACE_S
 from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.mounting import SEEN_THROUGH
 from sim_bridge.base import BaseLimits
 from sim_bridge.rplidar import SCAN_PERIOD
 
@@ -75,7 +76,7 @@ LIMITS_S = {
     "stale scan": 0.4 + 0.1,
     "blind scan": 2 * SCAN_PERIOD,
     "frozen": 1.0,
-    "mounting": 3.0,
+    "mounting": (SEEN_THROUGH + 1) * SCAN_PERIOD,
     "graph": 1.0,
     "clock": GRACE_S + 0.1,
     "base check": 0.5,
@@ -85,10 +86,10 @@ LIMITS_S = {
 }
 """Detection limits, s: ages, stall and tilt from the episode's limits; a scan's age from the LiDAR
 node, with the period of its look at silence; a blind scan is told by the second one; frozen
-payloads with new stamps; a wrong mounting after about twenty scans; a look at the graph each
-second; the clock's grace and the period of its watch; the policy node's look at cmd_vel; the base's
-own time-out; two reports of the bumper; a signal or a request is seen at the executor's next turn.
-"""
+payloads with new stamps; a wrong mounting after as many scans as the self-check wants; a look at
+the graph each second; the clock's grace and the period of its watch; the policy node's look at
+cmd_vel; the base's own time-out; two reports of the bumper; a signal or a request is seen at the
+executor's next turn."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ _SCAN = {
     "scan_sector_30": _blind("blind scan", "30 degrees ahead hide what is as wide as a step needs"),
     "scan_sector_90": _blind("blind scan", "the way ahead is unknown"),
     "scan_sector_180": _blind("blind scan", "the way ahead is unknown"),
-    "scan_speckle": _degrades("one return inside the stop distance vetoes until scans are clear"),
+    "scan_speckle": _rides("a lone near return that the scan before had not is a ghost"),
     "scan_ranges_0": _blind("blind scan", "a scan without ranges is malformed"),
     "scan_ranges_1": _blind("blind scan", "one range is no turn"),
     "scan_ranges_360": _rides("360 returns without copies are a whole turn"),
@@ -169,7 +170,7 @@ _SCAN = {
     "scan_short": _blind("blind scan", "fewer ranges than the angles declare"),
     "scan_wrong_frame": _blind("blind scan", "another frame has another mounting"),
     "scan_turned_90": _blind("mounting", "the robot's own posts are not where they must be"),
-    "scan_mirrored": _rides("posts and free space are symmetric: one scan cannot tell it"),
+    "scan_mirrored": _blind("mounting", "mirrored about the laser's axis, front and rear swap"),
     "scan_rival": _blind("graph", "two sources of scans may contradict"),
 }  # fmt: skip
 
