@@ -212,7 +212,7 @@ _ODOM = {
         "no progress is given up after the stall limit; at rest it looks like a stuck base, so "
         "each motion is begun and given up, guarded by the LiDAR",
     ),
-    "odom_slip": _degrades("at rest nothing is wrong; each motion is begun and given up, at last all"),
+    "odom_slip": _degrades("at rest nothing is wrong; each motion is begun and given up"),
 }  # fmt: skip
 
 _BASE_FAULTS = {

@@ -13,8 +13,9 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
 
 from cfnav_ros.parameters import LidarParameters, PolicyParameters  # noqa: E402
-from cfnav_ros.policy_node import BASE_CHECK_S, GUARD_PERIOD_S  # noqa: E402
+from cfnav_ros.policy_node import GUARD_PERIOD_S  # noqa: E402
 from cfnav_ros.processes import GraphError  # noqa: E402
+from cfnav_ros.velocity import CHECK_S  # noqa: E402
 from sim_bridge.faults import FAULTS  # noqa: E402
 
 from cfnav_core.actions import Action  # noqa: E402
@@ -61,7 +62,8 @@ def test_limits_are_the_nodes_own_defaults():
     lidar, policy = LidarParameters(), PolicyParameters()
     assert LIMITS_S["stale scan"] == pytest.approx(lidar.stale + 1 / lidar.stale_rate)
     assert pytest.approx(1 / policy.rate) == CONTROL_S
-    assert LIMITS_S["base check"] == BASE_CHECK_S
+    assert LIMITS_S["base check"] == CHECK_S
+    assert LIMITS_S["frozen"] == lidar.frozen == policy.frozen_picture_time
     assert LIMITS_S["clock"] == pytest.approx(0.5 + GUARD_PERIOD_S)
 
 
@@ -98,7 +100,7 @@ STEP, TURN, PAUSE = (1.25, 0.2, 0.0), (1.0, 0.0, math.pi / 4), (0.5, 0.0, 0.0)
 
 def test_motions_are_what_happens_between_rests():
     step, turn = motions(drive(STEP, PAUSE, TURN))
-    assert (step.distance, step.turn) == (pytest.approx(0.25), 0.0)
+    assert (step.ahead, step.turn) == (pytest.approx(0.25), 0.0)
     assert turn.turn == pytest.approx(math.pi / 4)
     assert step.complete
     assert turn.complete
