@@ -124,10 +124,10 @@ class SweptDisc:
         _ = self.mask_bearings
 
     @property
-    def mask_bearings(self) -> np.ndarray:
-        """float64 [M], radians, where the LiDAR sees the robot itself."""
+    def mask_bearings(self) -> tuple[float, ...]:
+        """Where the LiDAR sees the robot itself, radians."""
         try:
-            return np.radians([float(word) for word in self.mask_bearings_deg.split()])
+            return tuple(math.radians(float(word)) for word in self.mask_bearings_deg.split())
         except ValueError:
             raise ValueError(
                 f"mask_bearings_deg is {self.mask_bearings_deg!r}, expected numbers separated by "
@@ -169,11 +169,11 @@ def estimate_collision(
     view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, before)
     turn = _turn(view, disc, errors)
     others = (*(replace(turn, motion=name) for name in OTHERS[:2]), _back(view, scan, disc, errors))
-    known, arc, returns = _quality(view, 0.0, disc.sector_deg, disc)
+    known, arc, returns = _quality(view, False, disc.sector_deg)
     fault = _too_little(known, arc, returns, disc)
     if fault:
         return replace(blind(fault, known), unknown_arc=arc, others=others)
-    probability, clearance = _sweep(view, 0.0, disc, errors, scan.range_max)
+    probability, clearance = _sweep(view, False, disc, errors, scan.range_max)
     verdict = _verdict(known, arc, disc)
     reason = ""
     if verdict is not Verdict.GOOD:
@@ -194,14 +194,13 @@ def blind(reason: str, known: float = 0.0) -> Estimate:
 
 
 def _sweep(
-    view: View, heading: float, disc: SweptDisc, errors: ErrorModel, limit: float
+    view: View, back: bool, disc: SweptDisc, errors: ErrorModel, limit: float
 ) -> tuple[float, float]:
-    """Probability and clearance (at most ``limit``, metres) of one step along a bearing."""
-    c, s = math.cos(heading), math.sin(heading)
-    turned = view.points @ np.array([[c, -s], [s, c]])
-    scanner = (c * view.mount.x + s * view.mount.y, c * view.mount.y - s * view.mount.x)
+    """Probability and clearance (at most ``limit``, metres) of one step forward or back."""
+    sign = -1.0 if back else 1.0
+    turned, scanner = sign * view.points, (sign * view.mount.x, sign * view.mount.y)
     seen = seen_probability(turned, view.ranges, disc.radius, disc.step, errors)
-    gaps = _gaps(view, heading, math.pi / 2, view.known)
+    gaps = _arcs(view.unknown, back, math.pi / 2)
     hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
     way = free_way(turned, disc.radius + disc.margin).min(initial=limit)
     unseen = errors.unseen_near if way < disc.step + errors.overhang else errors.unseen
@@ -218,7 +217,7 @@ def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
     distance = np.hypot(view.points[:, 0], view.points[:, 1]).min(initial=np.inf)
     clearance = max(float(distance) - disc.radius, 0.0)
     probability = 1.0 - math.erf(clearance / (errors.end * math.sqrt(2)))
-    known, arc, _ = _quality(view, 0.0, 180.0, disc)
+    known, arc, _ = _quality(view, False, 180.0)
     verdict = _verdict(known, arc, disc)
     clearance = 0.0 if verdict is Verdict.BLIND else clearance
     return OtherMotion("", 1.0 if verdict is Verdict.BLIND else probability, clearance, verdict)
@@ -231,44 +230,48 @@ def _back(view: View, scan: Scan, disc: SweptDisc, errors: ErrorModel) -> OtherM
     than the scanner measures and returns nothing: both count as unknown arcs do. While one of the
     robot's own parts stands in the swept half, the verdict is never GOOD.
     """
-    known, arc, returns = _quality(view, math.pi, disc.sector_deg, disc)
+    known, arc, returns = _quality(view, True, disc.sector_deg)
     verdict = _verdict(known, arc, disc)
     if verdict is Verdict.BLIND or returns < disc.min_returns:
         return OtherMotion(OTHERS[2], 1.0, 0.0, Verdict.BLIND)
-    probability, clearance = _sweep(view, math.pi, disc, errors, scan.range_max)
-    half = math.radians(disc.sector_deg)
-    if (np.abs(wrap(disc.mask_bearings - math.pi)) <= half).any():
+    probability, clearance = _sweep(view, True, disc, errors, scan.range_max)
+    if (view.masked & _inside(view.bearing, True, math.radians(disc.sector_deg))).any():
         verdict = Verdict.DEGRADED
     return OtherMotion(OTHERS[2], probability, clearance, verdict)
 
 
-def _quality(
-    view: View, heading: float, half_deg: float, disc: SweptDisc
-) -> tuple[float, float, int]:
-    """Share of known beams around a bearing, longest arc without one (degrees), distinct returns.
+def _quality(view: View, back: bool, half_deg: float) -> tuple[float, float, int]:
+    """Share of known beams ahead or behind, longest arc without one (degrees), distinct returns.
 
     The robot's own parts are left out of the share and do not lengthen an arc. A scan that does not
     reach around the whole sector leaves the rest of it unknown.
     """
     half = math.radians(half_deg)
-    inside = np.abs(wrap(view.bearing - heading)) <= half
-    masked = view.masked & inside
-    beams = max(round(2 * half / view.beam) - int(masked.sum()), 1)
-    known = min(int((view.known & inside & ~masked).sum()) / beams, 1.0)
-    gaps = _gaps(view, heading, half, view.known | view.masked)
-    arc = float((gaps[:, 1] - gaps[:, 0]).max(initial=0.0))
-    returns = int((np.abs(wrap(view.returns - heading)) <= half).sum())
-    return known, math.degrees(arc), returns
+    looking = _inside(view.bearing, back, half) & ~view.masked
+    masked = int((_inside(view.bearing, back, half) & view.masked).sum())
+    beams = max(round(2 * half / view.beam) - masked, 1)
+    known = min(int((view.known & looking).sum()) / beams, 1.0)
+    arcs = _arcs(view.unlooked, back, half)
+    arc = float((arcs[:, 1] - arcs[:, 0]).max(initial=0.0))
+    return known, math.degrees(arc), int(_inside(view.returns, back, half).sum())
 
 
-def _gaps(view: View, heading: float, half: float, seen: np.ndarray) -> np.ndarray:
-    """float64 [G, 2], radians from the heading: arcs of the sector without a beam of ``seen``."""
-    bearing = wrap(view.bearing[seen] - heading)
-    bearing = np.sort(bearing[np.abs(bearing) <= half])
-    begins = np.append(-half, bearing + view.beam / 2)
-    ends = np.append(bearing - view.beam / 2, half)
-    wide = ends - begins > view.beam / 2
-    return np.stack([begins[wide], ends[wide]], axis=1)
+def _inside(bearing: np.ndarray, back: bool, half: float) -> np.ndarray:
+    """Which bearings (radians in [-pi, pi)) lie this near to the front, or to the back."""
+    return np.abs(bearing) >= math.pi - half if back else np.abs(bearing) <= half
+
+
+def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
+    """float64 [G, 2], begin and end, radians from front or back: the parts of gaps in a sector."""
+    middle, width = wrap(gaps[:, 0] - math.pi * back), gaps[:, 1]
+    if half >= math.pi:  # all round: nothing to cut off
+        return np.stack([middle - width / 2, middle + width / 2], axis=1)
+    # A wide gap may reach into the sector from either side.
+    middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
+    width = np.tile(width, 3) / 2
+    begin, end = np.maximum(middle - width, -half), np.minimum(middle + width, half)
+    inside = end > begin
+    return np.stack([begin[inside], end[inside]], axis=1)
 
 
 def _too_little(known: float, arc: float, returns: int, disc: SweptDisc) -> str:

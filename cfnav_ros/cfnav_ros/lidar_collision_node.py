@@ -57,7 +57,7 @@ class LidarCollisionNode(Node):
             parameters.stale, parameters.frozen, self._mounting, disc, parameters.errors
         )
         self._stats, self._last = ScanStats(), blind("No scan has arrived.")
-        self._verdict: Verdict | None = None
+        self._sees: bool | None = None
         self._source = ""
         self._publisher = self.create_publisher(
             CollisionEstimate, "collision/estimate", QoSProfile(depth=5)
@@ -134,12 +134,13 @@ class LidarCollisionNode(Node):
     def _publish(self, estimate: Estimate, stamp: Time) -> None:
         self._publisher.publish(conversions.estimate_to_message(estimate, stamp))
         self._last = estimate
-        if estimate.verdict != self._verdict:
-            self._verdict = estimate.verdict
-            if estimate.verdict is Verdict.BLIND:
-                self.get_logger().warning(f"Blind: {estimate.reason}")
+        sees = estimate.verdict is not Verdict.BLIND
+        if sees is not self._sees:
+            self._sees = sees
+            if sees:
+                self.get_logger().info("The LiDAR sees.")
             else:
-                self.get_logger().info(estimate.reason or "The LiDAR sees.")
+                self.get_logger().warning(f"Blind: {estimate.reason}")
 
 
 def main(args: list[str] | None = None) -> int:

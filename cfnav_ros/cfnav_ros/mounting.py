@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from cfnav_ros.frames import FrameTree, planar_mount
-from cfnav_ros.returns import Mount, Scan, measured, wrap
+from cfnav_ros.returns import Mount, Scan, beams, measured
 
 SOURCES = ("auto", "tf", "parameters")
 
@@ -93,27 +93,24 @@ class OwnParts:
     scanner goes unnoticed: the posts stand alike on both sides.
     """
 
-    def __init__(self, bearings: np.ndarray) -> None:
-        """Know the bearings of the parts: float64 [M], radians in base_link."""
+    def __init__(self, bearings: tuple[float, ...]) -> None:
+        """Know the bearings of the parts, radians in base_link."""
         self._bearings = bearings
         self._through: deque[bool] = deque(maxlen=SEEN_THROUGH)
 
     def look(self, scan: Scan, mount: Mount) -> str:
         """Take one well-formed scan; what is wrong in one sentence, empty when nothing is."""
-        if not len(self._bearings):
+        if not self._bearings:
             return ""
-        ranges = np.asarray(scan.ranges)
-        angle = scan.angle_min + np.arange(ranges.size) * scan.angle_increment
-        bearing, returned = mount.bearings(angle), measured(ranges, scan)
-        through = [self._sees_through(bearing, returned, part) for part in self._bearings]
-        self._through.append(2 * sum(through) > len(through))
+        ranges, half = np.asarray(scan.ranges), math.radians(CORE_DEG)
+        _, cores = beams(
+            ranges.size, scan.angle_min, scan.angle_increment, mount, self._bearings, half
+        )
+        through = int((2 * (cores & measured(ranges, scan)).sum(1) > cores.sum(1)).sum())
+        self._through.append(2 * through > len(cores))
         if len(self._through) < SEEN_THROUGH or not all(self._through):
             return ""
         return (
-            f"The LiDAR sees through {sum(through)} of the robot's {len(through)} own parts: it is "
-            "not mounted as said, or the parts of disc.mask_bearings_deg are not there."
+            f"The LiDAR sees through {through} of the robot's {len(cores)} own parts: it is not "
+            "mounted as said, or the parts of disc.mask_bearings_deg are not there."
         )
-
-    def _sees_through(self, bearing: np.ndarray, returned: np.ndarray, part: float) -> bool:
-        core = np.abs(wrap(bearing - part)) <= math.radians(CORE_DEG)
-        return bool(core.any() and returned[core].mean() > 0.5)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -69,6 +70,8 @@ class View:
         points: float64 [P, 2], metres, where something stands; the borders of surfaces included.
         ranges: float64 [P], metres from the scanner to each point.
         returns: float64 [R], bearing of each distinct return, radians.
+        unknown: float64 [G, 2], arcs without a known beam: middle and width, radians.
+        unlooked: float64 [H, 2], the same where the robot's own parts count as known.
         ghosts: lone near returns that were left out.
     """
 
@@ -80,6 +83,8 @@ class View:
     points: np.ndarray
     ranges: np.ndarray
     returns: np.ndarray
+    unknown: np.ndarray
+    unlooked: np.ndarray
     ghosts: int
 
 
@@ -138,11 +143,34 @@ def distinct_returns(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     return first, last, ranges[first]
 
 
+@lru_cache(maxsize=8)
+def beams(
+    size: int, angle_min: float, step: float, mount: Mount, parts: tuple[float, ...], half: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bearings of beams, and which look at the robot's own parts; most scans have the same.
+
+    Args:
+        size: number of beams N.
+        angle_min: of the first, radians.
+        step: from each to the next, radians.
+        mount: of the scanner.
+        parts: bearings of the robot's own parts, radians.
+        half: radians to each side of them.
+
+    Returns:
+        (float64 [N], bool [M, N] one row a part), not to be written to.
+    """
+    bearing = mount.bearings(angle_min + np.arange(size) * step)
+    masks = np.abs(wrap(bearing[None, :] - np.reshape(parts, (-1, 1)))) <= half
+    bearing.flags.writeable = masks.flags.writeable = False
+    return bearing, masks
+
+
 def look(
     scan: Scan,
     mount: Mount,
-    mask_bearings: np.ndarray,
-    mask_half_width: float,
+    parts: tuple[float, ...],
+    half_width: float,
     before: np.ndarray | None = None,
 ) -> View:
     """See a well-formed scan from base_link.
@@ -155,8 +183,8 @@ def look(
     Args:
         scan: its fields make sense (``malformed``).
         mount: of the scanner.
-        mask_bearings: float64 [M], radians, where the scanner sees the robot itself.
-        mask_half_width: radians around each.
+        parts: bearings where the scanner sees the robot itself, radians.
+        half_width: radians around each.
         before: ranges of the scan before, float32 [N]; None or of another size: unknown.
 
     Returns:
@@ -164,8 +192,10 @@ def look(
         ranges under range_min as obstacles where they are, unless they are the robot's own parts.
     """
     ranges = np.asarray(scan.ranges, np.float64)
-    bearing = mount.bearings(scan.angle_min + np.arange(ranges.size) * scan.angle_increment)
-    masked = _near_any(bearing, mask_bearings, mask_half_width)
+    bearing, masks = beams(
+        ranges.size, scan.angle_min, scan.angle_increment, mount, parts, half_width
+    )
+    masked = np.logical_or.reduce(masks, axis=0)
     first, last, value = distinct_returns(ranges)
     good, near = measured(value, scan), too_near(value, scan)
     near &= ~masked[(first + last) // 2]
@@ -189,7 +219,26 @@ def look(
     )
     known = np.repeat(good, last - first + 1)
     returns = angle[: int(met.sum())]
-    return View(mount, bearing, known, masked, step, points, distance, returns, len(ghosts))
+    unknown, unlooked = (_gaps(seen, scan, mount) for seen in (known, known | masked))
+    return View(
+        mount, bearing, known, masked, step, points, distance, returns, unknown, unlooked,
+        len(ghosts),
+    )  # fmt: skip
+
+
+def _gaps(seen: np.ndarray, scan: Scan, mount: Mount) -> np.ndarray:
+    """float64 [G, 2], middle (bearing) and width of the arcs between the beams seen, radians."""
+    index, step = np.flatnonzero(seen), abs(scan.angle_increment)
+    if not len(index):
+        return np.array([[0.0, 2 * math.pi]])
+    wide = np.flatnonzero(np.diff(index) > 1)
+    a, b = index[wide], index[wide + 1]
+    # The last gap goes on from the last beam seen, past the end of the scan, to the first.
+    rest = 2 * math.pi / step - (index[-1] - index[0])
+    middle = np.append((a + b) / 2, index[-1] + rest / 2)
+    width = (np.append(b - a, rest) - 1) * step
+    bearing = mount.bearings(scan.angle_min + middle * scan.angle_increment)
+    return np.stack([bearing, width], axis=1)[width > step / 2]
 
 
 def _again(before: np.ndarray | None, size: int, first: int, value: float, step: float) -> bool:
@@ -199,10 +248,6 @@ def _again(before: np.ndarray | None, size: int, first: int, value: float, step:
     aside = round(math.radians(AGAIN_DEG) / step)
     there = before[max(first - aside, 0) : first + aside + 1]
     return bool((np.abs(there - value) <= AGAIN_M).any())
-
-
-def _near_any(bearing: np.ndarray, centres: np.ndarray, half_width: float) -> np.ndarray:
-    return (np.abs(wrap(bearing[:, None] - centres[None, :])) <= half_width).any(axis=1)
 
 
 def _smooth(value: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,14 @@
 """MoveAheads that are really driven in the simulator, each with the scan taken before it.
 
-Pure of ROS: ``sim_bridge``'s simulator, ``cfnav_ros``'s executor, and noise of scan and odometry.
+No ROS: ``sim_bridge``'s simulator with its noise of LiDAR, wheels and odometry, and ``cfnav_ros``'s
+executor. The robot turns first, as it mostly does in an episode, so that its heading is off by what
+the executor leaves over.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -15,11 +18,12 @@ from cfnav_ros.motion import Motion, Odometry, Status
 from cfnav_ros.returns import Scan, distinct_returns, measured
 from cfnav_ros.sweep import free_way
 from sim_bridge.grid import state_grid
+from sim_bridge.noise import Noise, NoiseLevels
 from sim_bridge.room import generate_room
 from sim_bridge.simulator import Simulator
 from sim_bridge.world import World
 
-from cfnav_core.actions import STEP_M, Action
+from cfnav_core.actions import TURN_RAD, Action
 from sim_bridge import rplidar
 
 PERIOD_STEPS = 5
@@ -34,23 +38,6 @@ JITTER_M = 0.125
 NEAR_M, NEAR_MARGIN_M = (0.20, 0.30), 0.02
 """A pose is near when the noiseless plane leaves a way of this length to the hull as it is or to
 one wider by the margin: there lies nearly all that is uncertain."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """One sigma of each error of this measurement.
-
-    Sources: the A1M8's data sheet bounds the error of a range by 1 % of it, taken as two sigma,
-    and its resolution by 0.5 mm; the executor's turns end within 0.5 to 1 degree of the heading;
-    wheel odometry of the Create 3 is taken as right to 1 % of the way, its heading to 0.1 degrees
-    over one motion.
-    """
-
-    range_share: float = 0.005
-    resolution: float = 0.0005
-    heading_deg: float = 0.5
-    scale: float = 0.01
-    drift_deg: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -92,81 +79,87 @@ def plane_way(scan: Scan, disc: SweptDisc, margin: float = 0.0) -> float:
     return max(float(way), 0.0)
 
 
-def noisy_ranges(distances: np.ndarray, noise: Noise, rng: np.random.Generator) -> np.ndarray:
-    """True distances (float32 [360], metres) as the driver publishes them, with errors."""
-    measured_m = distances * (1 + noise.range_share * rng.standard_normal(len(distances)))
-    measured_m = np.round(measured_m / noise.resolution) * noise.resolution
-    return rplidar.driver_ranges(measured_m.astype(np.float32))
-
-
-def moves(
-    room_type: str, seed: int, count: int, rest: float, noise: Noise = Noise()
-) -> Iterator[Move]:
+def moves(room_type: str, seed: int, count: int, rest: float, noise: float = 1.0) -> Iterator[Move]:
     """Drive MoveAheads from random free poses of a room.
 
     Args:
         room_type: as in ``sim_bridge.room``.
-        seed: of the room; the poses follow from it too.
+        seed: of the room; poses and noise follow from it too.
         count: how many to drive.
         rest: share that is kept of the poses that are not near (``NEAR_M``).
-        noise: of scan and odometry.
+        noise: scale of the simulator's noise.
     """
     world = World(generate_room(room_type, seed))
-    simulator, disc = Simulator(world), SweptDisc()
-    rng = np.random.default_rng([seed, count])
+    robot = Robot(world, Noise(NoiseLevels().scaled(noise), seed))
+    disc, rng = SweptDisc(), np.random.default_rng([seed, count])
     positions = state_grid(world).positions.astype(float)
     made = 0
     while made < count:
         x, y = positions[rng.integers(len(positions))] + rng.uniform(-JITTER_M, JITTER_M, 2)
-        yaw = rng.uniform(-math.pi, math.pi)
+        yaw, left = rng.uniform(-math.pi, math.pi), rng.random() < 0.5
         if not world.free(x, y):
             continue
-        simulator.place(x, y, yaw)
-        distances = world.scan()
-        clean = scan_of(rplidar.driver_ranges(distances))
+        robot.simulator.place(x, y, yaw)
+        clean = scan_of(rplidar.driver_ranges(world.scan()))
         ways = (plane_way(clean, disc), plane_way(clean, disc, NEAR_MARGIN_M))
         near = any(NEAR_M[0] <= way <= NEAR_M[1] for way in ways)
         if not near and rng.random() >= rest:
             continue
-        ranges = noisy_ranges(distances, noise, rng)
-        collided, travelled = drive(simulator, noise, rng)
+        # Each pose is another robot: scale errors are drawn once for each.
+        robot.noise.reseed(int(rng.integers(1 << 31)))
+        turn = Action.RotateLeft if left else Action.RotateRight
+        robot.simulator.place(x, y, yaw - TURN_RAD * (1 if left else -1))
+        origin = robot.odometry().yaw
+        robot.perform(turn, origin)
+        if robot.simulator.collisions.count:
+            continue
+        ranges = rplidar.driver_ranges(robot.noise.scan(world.scan()))
+        start = world.pose
+        robot.perform(Action.MoveAhead, origin)
+        end, c, s = world.pose, math.cos(start.yaw), math.sin(start.yaw)
+        travelled = (end.x - start.x) * c + (end.y - start.y) * s
+        collided = robot.simulator.collisions.count > 0
         made += 1
-        weight = 1.0 if near else 1.0 / rest
-        yield Move(ranges, collided, travelled, weight, world.room.name)
+        yield Move(ranges, collided, travelled, 1.0 if near else 1.0 / rest, world.room.name)
 
 
-def drive(simulator: Simulator, noise: Noise, rng: np.random.Generator) -> tuple[bool, float]:
-    """One MoveAhead by the executor at 20 Hz from where the robot stands.
+class Robot:
+    """The simulator's robot under the executor."""
 
-    Returns:
-        Whether anything was touched, and metres driven along the heading before the motion.
-    """
-    start = simulator.world.pose
-    scale = 1 + noise.scale * rng.standard_normal()
-    drift = math.radians(noise.drift_deg) * rng.standard_normal() / STEP_M
-    heading = start.yaw + math.radians(noise.heading_deg) * rng.standard_normal()
-    begun = simulator.time
+    def __init__(self, world: World, noise: Noise) -> None:
+        self.noise = noise
+        self.simulator = Simulator(world, noise)
+        late = round(noise.levels.odometry_latency / world.timestep)
+        self._readings: deque[Odometry] = deque(maxlen=late + 1)
 
-    def read() -> Odometry:
-        pose = simulator.world.pose
-        dx, dy = pose.x - start.x, pose.y - start.y
-        v, w = simulator.world.velocity
-        yaw = pose.yaw + drift * math.hypot(dx, dy)
-        return Odometry(
-            simulator.time, scale * dx, scale * dy, yaw, v, w
-        )  # the step is short: the order of drift and way makes no difference
+    def odometry(self) -> Odometry:
+        """What has arrived of the base's own account."""
+        return self._readings[0] if self._readings else self._read()
 
-    motion = Motion(Action.MoveAhead, begun, read(), heading)
-    status = Status.DRIVING
-    while status is Status.DRIVING and not simulator.collisions.count:
-        command, status = motion.update(simulator.time, read())
-        simulator.command(command.v, command.w)
-        for _ in range(PERIOD_STEPS):
-            simulator.step()
-    for _ in range(REST_STEPS):
-        simulator.command(0.0, 0.0)
-        simulator.step()
-    end = simulator.world.pose
-    c, s = math.cos(start.yaw), math.sin(start.yaw)
-    travelled = (end.x - start.x) * c + (end.y - start.y) * s
-    return simulator.collisions.count > 0, travelled
+    def perform(self, action: Action, origin: float) -> None:
+        """One motion to its end, or to its first contact, and rest.
+
+        Args:
+            action: MoveAhead or a turn.
+            origin: a heading of the odometry's 45-degree set, radians.
+        """
+        simulator = self.simulator
+        self._readings.clear()
+        self._readings.append(self._read())
+        motion = Motion(action, simulator.time, self.odometry(), origin)
+        status = Status.DRIVING
+        while status is Status.DRIVING and not simulator.collisions.count:
+            command, status = motion.update(simulator.time, self.odometry())
+            self._advance(command.v, command.w, PERIOD_STEPS)
+        self._advance(0.0, 0.0, REST_STEPS)
+
+    def _advance(self, v: float, w: float, steps: int) -> None:
+        self.simulator.command(v, w)
+        for _ in range(steps):
+            self.simulator.step()
+            self._readings.append(self._read())
+
+    def _read(self) -> Odometry:
+        counted = self.simulator.odometry
+        v, w = self.noise.twist(*self.simulator.world.velocity)
+        return Odometry(self.simulator.time, counted.x, counted.y, counted.yaw, v, w)

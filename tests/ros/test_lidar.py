@@ -323,3 +323,30 @@ def test_a_scanner_that_hangs_upside_down(rear_deg):
     assert estimate_collision(hung, mount=mount).clearance == pytest.approx(
         estimate_collision(scan).clearance, abs=1e-6
     )
+
+
+def test_an_arc_behind_counts_whole_for_a_turn():
+    """It crosses the bearing of 180 degrees, where bearings start again."""
+    for width, verdict in ((8, Verdict.GOOD), (26, Verdict.DEGRADED), (40, Verdict.BLIND)):
+        scan = replaced(scan_of(room), math.inf, 180 - width / 2, 180)
+        scan = replaced(scan, math.inf, -180, -180 + width / 2)
+        no_parts = estimate_collision(scan, SweptDisc(mask_bearings_deg=""))
+        assert no_parts.others[0].verdict is verdict, width
+        assert no_parts.verdict is Verdict.GOOD
+
+
+def test_a_scan_that_does_not_reach_round_leaves_the_rest_unknown():
+    """By hand: 90 degrees to each side; what MoveBack would sweep was never looked at."""
+    scan = scan_of(room)
+    bearing = np.degrees(scan.angle_min + np.arange(1080) * scan.angle_increment) + 90
+    front = np.flatnonzero(np.abs(bearing) <= 90)
+    half = dataclasses.replace(
+        scan,
+        ranges=scan.ranges[front],
+        angle_min=scan.angle_min + front[0] * scan.angle_increment,
+        angle_max=scan.angle_min + front[-1] * scan.angle_increment,
+    )
+    estimate = estimate_collision(half)
+    assert estimate.verdict is Verdict.GOOD
+    assert estimate.probability == pytest.approx(estimate_collision(scan).probability, abs=0.01)
+    assert [other.verdict for other in estimate.others] == [Verdict.BLIND] * 3

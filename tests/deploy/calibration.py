@@ -1,0 +1,152 @@
+"""Is the LiDAR's collision probability right? ``python -m tests.deploy.calibration --n 20000``.
+
+Random free poses in rooms never used for any setting; the scan as the simulated driver publishes
+it, the estimate by the shipped code, then the MoveAhead really driven: a collision is a contact.
+Poses near obstacles are over-sampled (``driven_moves.NEAR_M``), because elsewhere hardly anything
+is uncertain; figures named plain are weighted back to a plain draw of poses.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import tyro
+from cfnav_ros.lidar import SweptDisc, estimate_collision
+from cfnav_ros.sweep import NOMINAL
+
+from cfnav_core.vocabulary import ROOM_TYPES
+from tests.deploy import reliability as rel
+from tests.deploy.driven_moves import moves, plane_way, scan_of
+
+
+@dataclass(frozen=True)
+class CalibrationConfig:
+    """Compare predicted with driven collisions."""
+
+    out: Path = Path("out/bench")
+    """Folder of calibration.json and calibration.png."""
+    n: int = 20_000
+    """Motions to drive."""
+    seeds: tuple[int, int] = (20, 29)
+    """First and last seed of the rooms, of every type; 20 to 29 are the test rooms."""
+    rest: float = 0.05
+    """Share kept of the poses that are not near an obstacle."""
+    noise: float = 1.0
+    """Scale of the simulator's noise."""
+    processes: int = 2
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predictions and outcomes, arrays of the same length.
+
+    Attributes:
+        p: probability.
+        clearance: published, metres.
+        plain: the geometric rule's answer, 0 or 1.
+        collided: what happened.
+        travelled: metres.
+        weight: of each in a plain draw.
+    """
+
+    p: np.ndarray
+    clearance: np.ndarray
+    plain: np.ndarray
+    collided: np.ndarray
+    travelled: np.ndarray
+    weight: np.ndarray
+
+
+def drive_all(config: CalibrationConfig) -> Predicted:
+    """Drive in all rooms, in several processes."""
+    first, last = config.seeds
+    rooms = [(kind, seed) for seed in range(first, last + 1) for kind in ROOM_TYPES]
+    each = -(-config.n // len(rooms))
+    tasks = [(kind, seed, each, config.rest, config.noise) for kind, seed in rooms]
+    with get_context("spawn").Pool(config.processes) as pool:
+        rows = [row for part in pool.imap(_room, tasks) for row in part]
+    return Predicted(*(np.array(column) for column in zip(*rows[: config.n], strict=True)))
+
+
+def _room(
+    task: tuple[str, int, int, float, float],
+) -> list[tuple[float, float, float, bool, float, float]]:
+    disc, rows = SweptDisc(), []
+    for move in moves(*task):
+        scan = scan_of(move.ranges)
+        estimate = estimate_collision(scan, disc)
+        plain = float(plane_way(scan, disc) <= disc.step)
+        rows.append((
+            estimate.probability, estimate.clearance, plain, move.collided, move.travelled,
+            move.weight,
+        ))  # fmt: skip
+    return rows
+
+
+def figures(found: Predicted) -> dict[str, float | int | list[float] | list[list[float]]]:
+    """Everything that is reported; see ``reliability`` for the measures."""
+    p, y, ones = found.p, found.collided, np.ones(len(found.p))
+    base, plain_base = float(y.mean()), float(np.average(y, weights=found.weight))
+    brier, plain_brier = rel.brier(p, y, ones), rel.brier(p, y, found.weight)
+    free = p < NOMINAL.unseen_near + 0.005
+    apart = ~y
+    return {
+        "n": len(p),
+        "n_uncertain": int(((p > rel.LOW) & (p < rel.HIGH)).sum()),
+        "base_rate": base,
+        "ece": rel.calibration_error(p, y),
+        "ece_interval": list(rel.error_interval(p, y)),
+        "ece_by_chance": rel.chance_error(p),
+        "ece_equal_count": rel.calibration_error(p, y, equal_count=True),
+        "ece_equal_count_interval": list(rel.error_interval(p, y, equal_count=True)),
+        "brier": brier,
+        "brier_skill": 1 - brier / (base * (1 - base)),
+        "auc": rel.auc(p, y, ones),
+        "auc_clearance": rel.auc(-found.clearance, y, ones),
+        "brier_geometric": rel.brier(found.plain, y, ones),
+        "auc_geometric": rel.auc(found.plain, y, ones),
+        "plain_base_rate": plain_base,
+        "plain_brier": plain_brier,
+        "plain_brier_skill": 1 - plain_brier / (plain_base * (1 - plain_base)),
+        "plain_auc": rel.auc(p, y, found.weight),
+        "plain_auc_clearance": rel.auc(-found.clearance, y, found.weight),
+        "plain_brier_geometric": rel.brier(found.plain, y, found.weight),
+        "plain_auc_geometric": rel.auc(found.plain, y, found.weight),
+        "free_by_plane": int(free.sum()),
+        "free_by_plane_collided": float(y[free].mean()),
+        "free_by_plane_predicted": float(p[free].mean()),
+        "travel_mean_m": float(found.travelled[apart].mean()),
+        "travel_sd_m": float(found.travelled[apart].std()),
+        "bins": [[b.predicted, b.observed, b.count] for b in rel.bins(p, y)],
+    }
+
+
+def measure(
+    out: Path, n: int = 20_000, config: CalibrationConfig | None = None
+) -> dict[str, float | int | list[float] | list[list[float]]]:
+    """Measure, write calibration.json and calibration.png into a folder, return the figures."""
+    config = config or CalibrationConfig(out, n)
+    config.out.mkdir(parents=True, exist_ok=True)
+    found = drive_all(config)
+    result = figures(found)
+    first, last = config.seeds
+    title = f"{len(found.p)} MoveAheads in rooms {first} to {last}, ECE {result['ece']:.3f}"
+    rel.diagram(found.p, found.collided, title, config.out / "calibration.png")
+    (config.out / "calibration.json").write_text(json.dumps(result, indent=1) + "\n")
+    return result
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Entry point."""
+    config = tyro.cli(CalibrationConfig, args=args)
+    for name, value in measure(config.out, config=config).items():
+        print(f"{name}: {value}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""How long the LiDAR node takes for a scan: ``python -m tests.deploy.scan_time``.
+
+The real node in this process, its callback called with messages of noisy scans from real rooms,
+timed from the message to the published estimate. Nothing else of ROS runs meanwhile.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+import rclpy
+import tyro
+from cfnav_ros.lidar_collision_node import LidarCollisionNode
+from sensor_msgs.msg import LaserScan
+from sim_bridge.grid import state_grid
+from sim_bridge.noise import Noise, NoiseLevels
+from sim_bridge.room import generate_room
+from sim_bridge.world import World
+
+from cfnav_core.vocabulary import ROOM_TYPES
+from sim_bridge import rplidar
+from tests.deploy.driven_moves import scan_of
+
+WARM_UP = 100
+"""Scans before those that count: the first load code and fill caches."""
+
+
+@dataclass(frozen=True)
+class TimeConfig:
+    """Time the LiDAR node's callback."""
+
+    n: int = 5_000
+    """Scans of 1080 ranges."""
+    rooms: int = 8
+    """From this many rooms, of all types, seeds 20 and up."""
+
+
+def scans(config: TimeConfig) -> list[np.ndarray]:
+    """Noisy ranges, float32 [1080] each, from every grid position's neighbourhood in turn."""
+    each, found = -(-(config.n + WARM_UP) // config.rooms), []
+    for k in range(config.rooms):
+        world = World(generate_room(ROOM_TYPES[k % len(ROOM_TYPES)], 20 + k // len(ROOM_TYPES)))
+        grid, rng = state_grid(world), np.random.default_rng(k)
+        noise = Noise(NoiseLevels(), k)
+        for state in rng.integers(len(grid.next_state), size=each):
+            distances = noise.scan(world.scan(grid.pose(int(state))))
+            found.append(rplidar.driver_ranges(distances))
+    return found
+
+
+def message_of(ranges: np.ndarray, stamp: rclpy.time.Time) -> LaserScan:
+    """The driver's message with these ranges."""
+    scan = scan_of(ranges)
+    message = LaserScan(range_min=scan.range_min, range_max=scan.range_max)
+    message.header.stamp, message.header.frame_id = stamp.to_msg(), scan.frame
+    message.angle_min, message.angle_max = scan.angle_min, scan.angle_max
+    message.angle_increment = scan.angle_increment
+    message.ranges = array("f", ranges.tobytes())
+    return message
+
+
+def measure(config: TimeConfig = TimeConfig()) -> dict[str, float]:
+    """Milliseconds from message to published estimate: p50, p99, max; and the machine's load."""
+    ranges = scans(config)
+    context_is_ours = not rclpy.ok()
+    if context_is_ours:
+        rclpy.init(args=[])
+    node = LidarCollisionNode()
+    took = []
+    try:
+        for values in ranges:
+            message = message_of(values, node.get_clock().now())
+            begun = time.perf_counter()
+            node._on_scan(message)
+            took.append(time.perf_counter() - begun)
+    finally:
+        node.destroy_node()
+        if context_is_ours:
+            rclpy.try_shutdown()
+    ms = np.array(took[WARM_UP : WARM_UP + config.n]) * 1e3
+    return {
+        "p50": float(np.percentile(ms, 50)),
+        "p99": float(np.percentile(ms, 99)),
+        "max": float(ms.max()),
+        "n": len(ms),
+        "load": os.getloadavg()[0],
+    }
+
+
+if __name__ == "__main__":
+    for name, value in measure(tyro.cli(TimeConfig)).items():
+        print(f"{name}: {value:.3f}")
