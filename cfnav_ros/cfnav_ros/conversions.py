@@ -11,6 +11,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, MotionEstimate, PolicyDecision
+from cfnav_interfaces.msg import Moment as MomentMessage
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, TwistStamped
 from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
@@ -25,6 +26,7 @@ from cfnav_ros.diagnostics import Report
 from cfnav_ros.episode import Episode, StepRecord
 from cfnav_ros.inputs import Frame, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Scan, Verdict
+from cfnav_ros.lock_step import Moment
 from cfnav_ros.motion import Command, Odometry
 from cfnav_ros.preflight import Endpoint, Source
 
@@ -237,6 +239,16 @@ def endpoints(infos: Iterable[TopicEndpointInfo]) -> list[Endpoint]:
     return [Endpoint(info.node_name, info.topic_type) for info in infos]
 
 
+def moment_from_message(message: MomentMessage) -> Moment:
+    """A moment of a simulator in lock-step."""
+    return Moment(
+        stamp_to_ns(message.stamp),
+        stamp_to_ns(message.image),
+        stamp_to_ns(message.scan),
+        stamp_to_ns(message.odometry),
+    )
+
+
 def sources(infos: Iterable[TopicEndpointInfo], listener: Subscription) -> list[Source]:
     """Publishers of a topic as the graph knows them, and whether a subscription hears them."""
     found = []
@@ -267,15 +279,24 @@ def diagnostics(reports: Iterable[Report], node: str, now: Time) -> DiagnosticAr
     return DiagnosticArray(header=Header(stamp=now), status=rows)
 
 
-def decision(record: StepRecord, goal: str, now: Time) -> PolicyDecision:
-    """A decision as it is published before it is executed."""
+def decision(record: StepRecord, goal: str, now: Time, zero_ns: int = 0) -> PolicyDecision:
+    """A decision as it is published before it is executed.
+
+    Args:
+        record: what was decided.
+        goal: what is looked for.
+        now: stamp of the message.
+        zero_ns: node time from which the record's stamps count, nanoseconds.
+    """
     made = record.decision
     return PolicyDecision(
         header=Header(stamp=now, frame_id="base_link"),
         goal=goal,
         step=record.step,
-        image_stamp=ns_to_stamp(record.image_stamp_ns),
-        estimate_stamp=ns_to_stamp(record.estimate_stamp_ns),
+        image_stamp=ns_to_stamp(record.image_stamp_ns + zero_ns),
+        estimate_stamp=ns_to_stamp(
+            record.estimate_stamp_ns + zero_ns if record.estimate_stamp_ns else 0
+        ),
         action=int(made.action),
         action_probabilities=np.asarray(made.probabilities, np.float32),
         collision_probability=float(made.collision_probability),

@@ -42,6 +42,12 @@ class PolicyParameters:
     image_topic: str = field(
         default="oakd/rgb/preview/image_raw", metadata={"help": "pictures of the camera"}
     )
+    backend: str = field(
+        default="onnx", metadata={"help": "what runs the policy's networks: onnx or torch"}
+    )
+    lock_step: bool = field(
+        default=False, metadata={"help": "the simulator waits for an answer to each moment"}
+    )
     goal: str = field(default="", metadata={"help": "category to look for at once; empty: none"})
     tilt_joint: str = field(default="camera_tilt", metadata={"help": "in joint_states"})
     rate: float = field(default=20.0, metadata={"help": "velocities per second of node time"})
@@ -58,6 +64,8 @@ class PolicyParameters:
             raise ValueError(
                 f"cmd_vel_type is {self.cmd_vel_type!r}, expected auto, stamped or unstamped."
             )
+        if self.backend not in ("onnx", "torch"):
+            raise ValueError(f"backend is {self.backend!r}, expected onnx or torch.")
         if not 4.0 <= self.rate <= 100.0:
             raise ValueError(f"rate is {self.rate}, expected 4 to 100 (a base stops after 0.5 s).")
 

@@ -34,6 +34,11 @@ class Velocity:
         """Whether there is anybody to send to."""
         return self._publisher is not None
 
+    @property
+    def matched(self) -> bool:
+        """Whether what is sent now arrives."""
+        return self._publisher is not None and self._publisher.get_subscription_count() > 0
+
     def restart(self) -> None:
         """Begin an episode: look at the base at once, and forget how long nothing was sent."""
         self._checked_at = self._sent_at = self.largest_gap = 0.0

@@ -12,7 +12,13 @@ from contextlib import contextmanager
 import numpy as np
 import rclpy
 from cfnav_interfaces.action import NavigateToObject
-from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from cfnav_interfaces.msg import (
+    CollisionEstimate,
+    EpisodeStatus,
+    Moment,
+    MomentDone,
+    PolicyDecision,
+)
 from cfnav_ros.conversions import ns_to_stamp, stamp_to_ns
 from geometry_msgs.msg import TwistStamped
 from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
@@ -38,8 +44,9 @@ class Robot:
     """A base, a camera and an estimate at 20 Hz in a thread, and a client; exact and unhurried."""
 
     def __init__(
-        self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False, namespace=""
-    ):
+        self, domain, name="mock_turtlebot4", velocity=TwistStamped, clock=False, namespace="",
+        lock_step=False,
+    ):  # fmt: skip
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = Node(name, context=self.context, namespace=namespace)
@@ -47,6 +54,7 @@ class Robot:
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.probability, self.clearance, self.bumping = 0.1, 2.0, False
         self.encoding, self.silent, self.count = "bgr8", set(), 0
+        self.lock_step, self.free, self.newest = lock_step, True, {}
         self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
         self.commands, self.pictures, self.feedback = [], {}, []
         self.decisions, self.statuses = [], []
@@ -84,7 +92,11 @@ class Robot:
         node.create_subscription(Float64, "camera_tilt/command", self._on_tilt, 10)
         node.create_subscription(PolicyDecision, "policy/decision", self.decisions.append, 50)
         node.create_subscription(EpisodeStatus, "policy/episode", self.statuses.append, told)
-        node.create_timer(PERIOD_S, self._step)
+        if self.lock_step:
+            told = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self.publishers["moment"] = node.create_publisher(Moment, "simulator/moment", told)
+            node.create_subscription(MomentDone, "simulator/moment_done", self._on_done, told)
+        node.create_timer(0.002 if self.lock_step else PERIOD_S, self._step)
 
     def _on_velocity(self, message):
         twist = message.twist if isinstance(message, TwistStamped) else message
@@ -93,6 +105,17 @@ class Robot:
 
     def _on_tilt(self, message):
         self.tilt = message.data
+
+    def _on_done(self, done):
+        self.free |= not done.idle and stamp_to_ns(done.stamp) == self.clock
+
+    def put_back(self):
+        """Begin anew, as at the start, with a new moment."""
+        self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
+        self.count, self.newest = 0, {}
+        self.commands.clear()
+        self.decisions.clear()
+        self.free = True
 
     def stamp(self):
         now = self.node.get_clock().now().nanoseconds if self.clock is None else self.clock
@@ -111,6 +134,9 @@ class Robot:
             self.publishers["wheels"].publish(WheelStatus(wheels_enabled=status["powered"]))
 
     def _step(self):
+        if not self.free:
+            return
+        self.free = not self.lock_step
         self.count += 1
         if self.clock is not None and "clock" not in self.silent:
             self.clock += round(PERIOD_S * 1e9)
@@ -126,20 +152,25 @@ class Robot:
         odometry.pose.pose.orientation.w = math.cos(self.yaw / 2)
         odometry.twist.twist.linear.x, odometry.twist.twist.angular.z = self.v, self.w
         self._send("odometry", odometry)
+        self.newest["odometry"] = stamp
         joints = JointState(name=["camera_tilt"], position=[self.tilt])
         joints.header.stamp = stamp
         self._send("joints", joints)
         if self.count % 2 == 0:
             self._send("image", self._picture(stamp))
+            self.newest["image"] = stamp
         if self.count % 3 == 0:
             estimate = CollisionEstimate(probability=self.probability, clearance=self.clearance)
             estimate.header.stamp = stamp
             self._send("estimate", estimate)
+            self.newest["scan"] = stamp
         hazards = HazardDetectionVector()
         hazards.header.stamp = stamp
         if self.bumping:
             hazards.detections = [HazardDetection(type=HazardDetection.BUMP)]
         self._send("hazard", hazards)
+        if self.lock_step:
+            self._send("moment", Moment(stamp=stamp, **self.newest))
 
     def _picture(self, stamp):
         rng = np.random.default_rng(self.count)
