@@ -75,7 +75,8 @@ LIMITS_S = {
     "tilt motion": _EPISODE.tilt_timeout,
     "stale scan": 0.4 + 0.1,
     "blind scan": 2 * SCAN_PERIOD,
-    "frozen": 1.0,
+    "frozen scan": 1.0 + SCAN_PERIOD,
+    "frozen picture": 1.0 + 1 / 15,
     "mounting": (SEEN_THROUGH + 1) * SCAN_PERIOD,
     "graph": 1.0,
     "clock": GRACE_S + 0.1,
@@ -85,11 +86,11 @@ LIMITS_S = {
     "request": 0.1,
 }
 """Detection limits, s: ages, stall and tilt from the episode's limits; a scan's age from the LiDAR
-node, with the period of its look at silence; a blind scan is told by the second one; frozen
-payloads with new stamps; a wrong mounting after as many scans as the self-check wants; a look at
-the graph each second; the clock's grace and the period of its watch; the policy node's look at
-cmd_vel; the base's own time-out; two reports of the bumper; a signal or a request is seen at the
-executor's next turn."""
+node, with the period of its look at silence; a blind scan is told by the second one; a payload is
+frozen after a second, told when the next comes under a new stamp; a wrong mounting after as many
+scans as the self-check wants; a look at the graph each second; the clock's grace and the period of
+its watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the bumper; a
+signal or a request is seen at the executor's next turn."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ _SCAN = {
     "scan_stamp_future": _blind("blind scan", "a stamp ahead of now comes from another clock"),
     "scan_stamp_back": _blind("blind scan", "a stamp of 5 s ago is an old scan"),
     "scan_stamp_repeated": _blind("stale scan", "a repeated stamp is no new scan, the old ages"),
-    "scan_frozen": _blind("frozen", "a laser's noise never repeats a whole scan"),
+    "scan_frozen": _blind("frozen scan", "a laser's noise never repeats a whole scan"),
     "scan_all_inf": _blind("blind scan", "the laser is off: no return is no free space"),
     "scan_all_nan": _blind("blind scan", "no number is no free space"),
     "scan_all_zero": _blind("blind scan", "zero is the driver's nothing"),
@@ -183,7 +184,7 @@ _IMAGE = {
     "image_late_2": _stops("picture", "every picture arrives older than a picture may be"),
     "image_stamp_zero": _stops("picture", "a picture without a time is an old one"),
     "image_stamp_future": _stops("picture", "a stamp ahead of now comes from another clock"),
-    "image_frozen": _stops("frozen", "a sensor's noise never repeats a whole picture"),
+    "image_frozen": _stops("frozen picture", "a sensor's noise never repeats a whole picture"),
     "image_black": _stops("picture", "a picture without contrast shows nothing", refused=True),
     "image_white": _stops("picture", "a picture without contrast shows nothing", refused=True),
     "image_mono8": _rides("grey is a readable encoding"),

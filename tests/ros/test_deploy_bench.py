@@ -63,7 +63,8 @@ def test_limits_are_the_nodes_own_defaults():
     assert LIMITS_S["stale scan"] == pytest.approx(lidar.stale + 1 / lidar.stale_rate)
     assert pytest.approx(1 / policy.rate) == CONTROL_S
     assert LIMITS_S["base check"] == CHECK_S
-    assert LIMITS_S["frozen"] == lidar.frozen == policy.frozen_picture_time
+    assert LIMITS_S["frozen scan"] == lidar.frozen + 1 / 7.7
+    assert LIMITS_S["frozen picture"] == policy.frozen_picture_time + 1 / 15
     assert LIMITS_S["clock"] == pytest.approx(0.5 + GUARD_PERIOD_S)
 
 
