@@ -70,6 +70,11 @@ class Base:
         self._target = (0.0, 0.0)
         self._received = -math.inf
 
+    def stop_backing(self) -> None:
+        """Drop the command when it drives backward."""
+        if sum(self._target) < 0:
+            self.forget()
+
     def command(self, t: float, v: float, w: float) -> None:
         """Receive a velocity command.
 
@@ -85,19 +90,23 @@ class Base:
         self._target = self._wheels(v, w)
         self._received = t
 
-    def update(self, t: float, dt: float) -> tuple[float, float]:
+    def update(
+        self, t: float, dt: float, own: tuple[float, float] | None = None
+    ) -> tuple[float, float]:
         """Advance the wheels.
 
         Args:
             t: time at the beginning of the step, s.
             dt: length of the step, s.
+            own: m/s and rad/s of what the base does by itself, in place of any command.
 
         Returns:
             Forward speed in m/s and yaw rate in rad/s at the end of the step.
         """
         # Times are sums of steps: without the tolerance the stop would come a step late.
         expired = t - self._received >= self.limits.command_timeout - 1e-9
-        left, right = (0.0, 0.0) if expired else self._target
+        target = (0.0, 0.0) if expired else self._target
+        left, right = target if own is None else self._wheels(*own)
         change = max(abs(left - self._left), abs(right - self._right))
         allowed = self.limits.wheel_acceleration * dt
         share = 1.0 if change <= allowed else allowed / change

@@ -14,9 +14,14 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.msg import GroundTruth
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector
+from irobot_create_msgs.msg import (
+    DockStatus,
+    HazardDetection,
+    HazardDetectionVector,
+    WheelStatus,
+)
 from nav_msgs.msg import OccupancyGrid, Odometry
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
 from sim_bridge import rplidar
@@ -182,12 +187,16 @@ def joint_state(set_up: CameraSetUp, tilt: float, t: float) -> JointState:
     return message
 
 
-def hazards(pressed: Iterable[float], t: float) -> HazardDetectionVector:
-    """A BUMP for each zone of the bumper that is pressed; empty when none is.
+def hazards(pressed: Iterable[float], backup_low: bool, t: float) -> HazardDetectionVector:
+    """What the base has detected; empty when nothing.
 
     Args:
-        pressed: bearings, rad counter-clockwise from the front.
+        pressed: bearings of what presses the bumper, rad counter-clockwise from the front.
+        backup_low: whether little is left of the way that commands may drive backward.
         t: s.
+
+    Returns:
+        A BUMP for each zone of the bumper that is pressed, then a BACKUP_LIMIT if there is one.
     """
     message = HazardDetectionVector(header=header(t, "base_link"))
     bearings = [math.degrees(bearing) for bearing in pressed]
@@ -196,6 +205,47 @@ def hazards(pressed: Iterable[float], t: float) -> HazardDetectionVector:
         for zone, right, left in _BUMPER_ZONES
         if any(right <= bearing < left for bearing in bearings)
     ]
+    if backup_low:
+        limit = HazardDetection(header=header(t, "base_link"), type=HazardDetection.BACKUP_LIMIT)
+        message.detections.append(limit)
+    return message
+
+
+def wheel_status(enabled: bool, t: float) -> WheelStatus:
+    """Whether the wheels have power; the currents are nobody's concern here."""
+    return WheelStatus(header=header(t, "base_link"), wheels_enabled=enabled)
+
+
+def dock_status(docked: bool, t: float) -> DockStatus:
+    """Whether the robot sits on its dock; it sees none when it does not."""
+    return DockStatus(header=header(t, "base_link"), dock_visible=docked, is_docked=docked)
+
+
+def battery_state(docked: bool, t: float) -> BatteryState:
+    """A battery that is nearly full and charges on the dock: 14.4 V, 1.8 Ah as in create3_docs."""
+    charging = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+    draining = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    return BatteryState(
+        header=header(t, "base_link"),
+        voltage=16.0,
+        current=0.5 if docked else -0.5,
+        charge=1.62,
+        capacity=1.8,
+        design_capacity=1.8,
+        percentage=0.9,
+        power_supply_status=charging if docked else draining,
+        present=True,
+    )
+
+
+def imu(counted: BaseOdometry, velocity: tuple[float, float], t: float) -> Imu:
+    """The base's gyroscope and accelerometer: yaw and its rate, and gravity.
+
+    Accelerations along the floor are left out: nothing here is quick enough for them to matter.
+    """
+    message = Imu(header=header(t, "imu_link"), orientation=quaternion(yaw=counted.yaw))
+    message.angular_velocity.z = velocity[1]
+    message.linear_acceleration.z = 9.81
     return message
 
 

@@ -9,30 +9,25 @@ import queue
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from copy import deepcopy
+from functools import partial
 from typing import Any, NoReturn
 
-from cfnav_interfaces.msg import FaultStatus
+from builtin_interfaces.msg import Time
+from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
-from tf2_msgs.msg import TFMessage
 
-from sim_bridge import conversions as to_msg
+from sim_bridge.base import Odometry
+from sim_bridge.broadcast_node import Broadcast
 from sim_bridge.fault_schedule import FaultSchedule, Order, read_schedule
-from sim_bridge.faults import CAMERA_INFO, COMMANDS, IMAGE, JOINTS, ODOM, SCAN, TF
-from sim_bridge.lidar_turn import LidarTurn
-from sim_bridge.outbox import Outbox
+from sim_bridge.faults import COMMANDS, ODOM, SCAN
+from sim_bridge.lock_step import MOMENT_PERIOD, LockStep
 from sim_bridge.pacing import MAX_LAG_S, Every, Pacer
 from sim_bridge.parameters import read_parameters
 from sim_bridge.robot_clock import RobotClock
-from sim_bridge.robot_node import CLOCK, HAZARDS, TF_STATIC, TILT, RivalNode, RobotNode
-from sim_bridge.scan_faults import stranger
+from sim_bridge.robot_node import CLOCK, TILT, RivalNode, RobotNode, settle_undock
 from sim_bridge.simulator_node import SimulatorNode
 from sim_bridge.stage import Stage
 
-CAMERA_PERIOD = 1.0 / 15.0
-STATE_PERIOD = 1.0 / 20.0
-MAP_RESOLUTION = 0.02
 DISCOVERY_S = 4.0
 """Wall time after which another robot in the domain has been heard of; Fast DDS announces a
 participant again every 3 s."""
@@ -50,28 +45,31 @@ class Mock:
     def __init__(self) -> None:
         self._born = time.monotonic()
         self._inbox: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
+        leave = self._hand_over
         self.robot = RobotNode(
-            lambda v, w: self._hand_over(self._receive, COMMANDS, (v, w), self._drive),
-            lambda tilt: self._hand_over(self._receive, TILT, tilt, self._simulator.tilt_to),
+            lambda v, w: leave(self._receive, COMMANDS, (v, w), self._drive),
+            lambda tilt: leave(self._receive, TILT, tilt, self._simulator.tilt_to),
+            lambda done: leave(self._lock.answer, _key(done.stamp), done.idle),
+            partial(leave, self._switch),
+            partial(leave, self._undock),
         )
         self.parameters = p = read_parameters(self.robot)
-        if p.set_up.tilts:
-            self.robot.tilt()
+        self.robot.connect(p.clock == "simulated", p.set_up.tilts, p.lock_step)
         self.simulator_node = SimulatorNode(
-            self._hand_over, self._start_episode, self._end_episode, self._set_fault
+            leave, self._start_episode, self._end_episode, self._set_fault, p.lock_step
         )
         self._pacer = Pacer(p.speed)
+        self._lock = LockStep()
+        self._promise: Future = Future()
+        self._moments = Every(MOMENT_PERIOD, self._ask)
         self._faults = FaultSchedule(read_schedule(p.faults) if p.faults else (), p.seed)
-        self._outbox = Outbox(self._faults)
         self._clock = RobotClock()
-        self._rival: RivalNode | None = None
-        self._turn = LidarTurn()
-        self._schedule = (
-            Every(STATE_PERIOD, self._publish_state),
-            Every(CAMERA_PERIOD, self._publish_picture),
-        )
+        self._undocking: ServerGoalHandle | None = None
         self._stage = Stage(p)
         self._simulator = self._stage.simulator
+        self._out = Broadcast(
+            self.robot, self.simulator_node, self._stage, self._clock, self._faults, p
+        )
 
     def set_up(self) -> None:
         """Put the robot down and make sure that no other robot is about.
@@ -82,9 +80,9 @@ class Mock:
         self._stage.put_robot()
         if self.parameters.domain_guard:
             self._refuse_company()
-        self._publish_map()
-        mounts = TFMessage(transforms=to_msg.static_transforms(self.parameters.set_up, self._now))
-        self.robot.out[TF_STATIC].publish(mounts)
+        self._restart_pace()
+        self._out.map()
+        self._out.mounts()
 
     @property
     def summary(self) -> str:
@@ -95,19 +93,17 @@ class Mock:
 
     def run(self) -> NoReturn:
         """Advance simulated time and publish until the process is told to end."""
-        self._pacer.restart(self._simulator.time, time.monotonic())
+        self._restart_pace()
         while True:
             self._do_requests()
+            if self._lock.stands:
+                continue
             self._update_faults()
-            self._publish(self._simulator.step())
-            ahead = self._pacer.ahead(self._simulator.time, time.monotonic())
-            if ahead > 0:
-                time.sleep(ahead)
-            elif ahead < -MAX_LAG_S:
-                self.robot.get_logger().warning(
-                    f"the machine is too slow: simulated time stood for {-ahead:.1f} s",
-                    throttle_duration_sec=10.0,
-                )
+            self._out.publish(self._simulator.step())
+            self._end_undocking()
+            if self.parameters.lock_step and self._moments.due(self._simulator.time):
+                self._ask()
+            self._keep_pace()
 
     def abort(self, error: Exception) -> None:
         """Make the loop raise an error of a receiving thread: a deaf robot must not live on."""
@@ -119,6 +115,7 @@ class Mock:
 
     def refuse_requests(self) -> None:
         """Answer no service call any more; for the end, when the loop no longer runs."""
+        self._promise.cancel()
         while not self._inbox.empty():
             self._inbox.get()[0].cancel()
 
@@ -130,14 +127,37 @@ class Mock:
     def close(self) -> None:
         """Free the camera and the nodes; in the thread that ran the loop."""
         self._stage.camera.close()
-        for node in (*self.nodes, self._rival):
+        for node in (*self.nodes, self._out.rival):
             if node is not None:
                 node.destroy_node()
 
-    @property
-    def _now(self) -> float:
-        """What the robot's clock shows, s."""
-        return self._clock(self._simulator.time)
+    # Time
+
+    def _keep_pace(self) -> None:
+        # Until the policy is there, time runs no faster than it can follow.
+        alone = self.parameters.lock_step and not self._lock.engaged
+        ahead = self._pacer.ahead(self._simulator.time, time.monotonic(), at_most=alone)
+        if ahead > 0:
+            time.sleep(ahead)
+        elif ahead < -MAX_LAG_S and not self._lock.engaged:
+            self._restart_pace()
+            self.robot.get_logger().warning(
+                f"the machine is too slow: simulated time stood for {-ahead:.1f} s",
+                throttle_duration_sec=10.0,
+            )
+
+    def _restart_pace(self) -> None:
+        t = self._simulator.time
+        self._pacer.restart(t, time.monotonic())
+        if self.parameters.clock == "system":
+            self._clock.epoch = time.time() - t
+
+    def _ask(self) -> None:
+        """Let time stand until the moment is answered."""
+        announced = self._out.moment()
+        if announced is not None:
+            stamp, listeners = announced
+            self._lock.ask(_key(stamp), listeners)
 
     # Requests
 
@@ -148,8 +168,12 @@ class Mock:
         return task
 
     def _do_requests(self) -> None:
-        while not self._inbox.empty():
-            task, action, arguments = self._inbox.get()
+        """Do what was handed over; while time stands, wait for it."""
+        while self._lock.stands or not self._inbox.empty():
+            try:
+                task, action, arguments = self._inbox.get(timeout=0.1)
+            except queue.Empty:
+                continue
             try:
                 task.set_result(action(*arguments))
             except BaseException:
@@ -159,32 +183,63 @@ class Mock:
     def _receive(self, topic: str, command: Any, obey: Callable[[Any], None]) -> None:
         """Take what came in on a topic, as far as the faults let it."""
         t = self._simulator.time
-        self._outbox.put(topic, command, obey, t)
-        self._outbox.release(t)
+        self._out.outbox.put(topic, command, obey, t)
+        self._out.outbox.release(t)
 
     def _drive(self, command: tuple[float, float]) -> None:
         self._simulator.command(*command)
 
+    def _switch(self, part: str, on: bool) -> None:
+        """Turn a part of the robot on or off; see ``RobotNode``."""
+        if part == "e_stop":
+            self._simulator.e_stop = on
+        elif part == "lidar":
+            self._out.lidar_on = on
+        else:
+            self._out.camera_on = on
+
+    def _undock(self, goal: ServerGoalHandle) -> None:
+        """Begin to leave the dock; a robot that is not on it, or is busy, refuses."""
+        docked = self._simulator.docked
+        if self._simulator.busy or not docked:
+            goal.execute(partial(settle_undock, left=False, docked=docked))
+            return
+        self._undocking = goal
+        self._simulator.undock()
+
+    def _end_undocking(self) -> None:
+        if self._undocking is not None and not self._simulator.busy:
+            docked = self._simulator.docked
+            self._undocking.execute(partial(settle_undock, left=not docked, docked=docked))
+            self._undocking = None
+
     def _start_episode(self, request: Any, response: Any) -> Any:
+        """Answer at once; in lock-step when the policy has heard the sensors at the new place."""
         if self._stage.start_episode(request, response):
-            self._publish_map()
+            self._out.map()
+        self._restart_pace()
         if response.ok:
             self._restart(request.seed)
-        self._pacer.restart(self._simulator.time, time.monotonic())
-        return response
+        if not (response.ok and self._lock.engaged):
+            return response
+        self._promise = promise = Future()
+        self._lock.begin(lambda: promise.set_result(response))
+        return promise
 
     def _restart(self, seed: int) -> None:
         """Let the robot's messages begin anew, so that an episode repeats itself."""
-        t = self._simulator.time
-        self._outbox.clear()
+        self._out.restart()
+        self._moments.restart(self._simulator.time)
         self._faults.reseed(seed)
-        self._turn.restart(t)
-        for every in self._schedule:
-            every.restart(t)
+        if self.parameters.lock_step:
+            # A carried robot counts on; but large sums have other last bits than small ones.
+            self._simulator.odometry = Odometry()
 
     def _end_episode(self, _: Any, response: Any) -> Any:
         self._stage.end_episode(response)
         return response
+
+    # Faults
 
     def _set_fault(self, request: Any, response: Any) -> Any:
         try:
@@ -199,8 +254,6 @@ class Mock:
             response.ok = True
         return response
 
-    # Faults
-
     def _update_faults(self) -> None:
         """Let faults begin and end, tell the parts that have them and announce them."""
         t = self._simulator.time
@@ -213,80 +266,24 @@ class Mock:
         self.robot.suffer(active)
         self._let_rival(active & {"scan_rival", "cmd_rival"})
         for name, holds in changes:
-            header = to_msg.header(self._clock.true(t), "")
-            status = FaultStatus(header=header, fault=name, active=holds)
-            self.simulator_node.fault.publish(status)
+            self._out.fault(name, holds)
 
     def _let_rival(self, faults: frozenset[str]) -> None:
-        if self._rival is not None:
-            self._rival.destroy_node()
-        self._rival = RivalNode(faults) if faults else None
-
-    # Messages
-
-    def _publish(self, collision_began: bool) -> None:
-        """Publish what is due, the time first so that no stamp lies in a receiver's future.
-
-        A message on /clock every step would cost each Python node that listens a sixth of a core.
-        """
-        t = self._simulator.time
-        due = [every.action for every in self._schedule if every.due(t)]
-        if self._turn.complete(t, self._simulator.world.pose):
-            due.append(self._publish_scan)
-        if collision_began and self._publish_state not in due:
-            due.append(self._publish_contact)
-        if (due or self._outbox.due(t)) and self._clock.stopped_at is None:
-            self._send(CLOCK, Clock(clock=to_msg.stamp(self._now)))
-        for action in due:
-            action()
-        self._outbox.release(t)
-
-    def _send(self, topic: str, message: Any, latency: float = 0.0) -> None:
-        t = self._simulator.time
-        self._outbox.put(topic, message, self.robot.out[topic].publish, t, latency)
-
-    def _publish_state(self) -> None:
-        simulator, now, set_up = self._simulator, self._now, self.parameters.set_up
-        tilt, late = simulator.world.pose.tilt, self._stage.noise.levels.odometry_latency
-        self._send(ODOM, to_msg.odometry(simulator.odometry, simulator.twist, now), late)
-        moving = to_msg.moving_transforms(simulator.odometry, set_up, tilt, now)
-        self._send(TF, TFMessage(transforms=moving), late)
-        self._send(JOINTS, to_msg.joint_state(set_up, tilt, now))
-        self._publish_contact()
-
-    def _publish_contact(self) -> None:
-        self._send(HAZARDS, to_msg.hazards(self._simulator.pressed(), self._now))
-        truth = to_msg.ground_truth(self._simulator, self._stage.goal_visible(), self._clock.epoch)
-        self.simulator_node.truth.publish(truth)
-
-    def _publish_scan(self) -> None:
-        began = self._clock(self._turn.began)
-        distances = self._stage.noise.scan(self._turn.distances(self._simulator.world))
-        self._turn.next()
-        scan = to_msg.laser_scan(distances, began)
-        if self._rival is not None and self._rival.scan is not None:
-            other = deepcopy(scan)
-            stranger(other)
-            self._rival.scan.publish(other)
-        self._send(SCAN, scan)
-
-    def _publish_picture(self) -> None:
-        now, late = self._now, self._stage.noise.levels.image_latency
-        self._send(IMAGE, to_msg.image(self._stage.picture(CAMERA_PERIOD), now), late)
-        self._send(CAMERA_INFO, to_msg.camera_info(self.parameters.set_up, now), late)
-
-    def _publish_map(self) -> None:
-        grid = self._simulator.world.occupancy(MAP_RESOLUTION)
-        t = self._clock.true(self._simulator.time)
-        self.simulator_node.map.publish(to_msg.occupancy_grid(grid, MAP_RESOLUTION, t))
+        if self._out.rival is not None:
+            self._out.rival.destroy_node()
+        self._out.rival = RivalNode(faults) if faults else None
 
     def _refuse_company(self) -> None:
         """Raise ValueError when somebody else plays the robot in this domain."""
         time.sleep(max(0.0, self._born + DISCOVERY_S - time.monotonic()))
-        for topic in ("odom", "scan", "/clock"):
-            if self.robot.count_publishers(topic) > 1:
+        for topic in (ODOM, SCAN, CLOCK):
+            if self.robot.count_publishers(topic) > (topic in self.robot.out):
                 domain = self.robot.context.get_domain_id()
                 raise ValueError(
                     f"another node publishes {topic} in ROS domain {domain}; "
                     "choose another ROS_DOMAIN_ID."
                 )
+
+
+def _key(stamp: Time) -> tuple[int, int]:
+    return stamp.sec, stamp.nanosec

@@ -51,20 +51,22 @@ class Pacer:
         """Begin anew at simulated time ``t`` and wall time ``wall``, s."""
         self._t, self._wall = t, wall
 
-    def ahead(self, t: float, wall: float) -> float:
+    def ahead(self, t: float, wall: float, at_most: bool = False) -> float:
         """How far simulated time runs ahead of the wall clock.
 
         Args:
             t: simulated time, s.
             wall: steady wall time, s.
+            at_most: no faster than real time, whatever the speed.
 
         Returns:
             Wall seconds to wait. Below zero, the loop lags; beyond ``MAX_LAG_S`` the lag is
             forgiven and counting begins anew.
         """
-        if self._speed == 0:
+        speed = min(self._speed or 1.0, 1.0) if at_most else self._speed
+        if speed == 0:
             return 0.0
-        ahead = (t - self._t) / self._speed - (wall - self._wall)
+        ahead = (t - self._t) / speed - (wall - self._wall)
         if ahead < -MAX_LAG_S:
             self.restart(t, wall)
         return ahead

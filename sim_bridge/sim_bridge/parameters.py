@@ -33,7 +33,11 @@ class MockParameters:
     speed: float = _parameter(1.0, "times real time; 0 is as fast as it can")
     camera: str = _parameter("mast", "mast (1.3 m, 90 deg, tilts) or preview (as sold, 40 deg)")
     camera_size: int = _parameter(0, "width and height of the picture, pixels; 0: the camera's own")
+    reflexes: bool = _parameter(True, "the base backs off by itself when it bumps into something")
+    docked: bool = _parameter(False, "the robot starts on its dock, LiDAR and camera stopped")
     noise: float = _parameter(1.0, "scales the noise of sensors and wheels; 0 is none")
+    clock: str = _parameter("simulated", "simulated (publishes /clock) or system (stamps only)")
+    lock_step: bool = _parameter(False, "stand at every moment until the policy has answered")
     faults: str = _parameter("", "YAML file with a list of {fault, at | when, duration}")
     domain_guard: bool = _parameter(True, "refuse to start where another robot publishes")
 
@@ -46,6 +50,10 @@ class MockParameters:
             raise ValueError("start and goal are both given; a goal draws its start from seed.")
         if not (self.speed >= 0 and math.isfinite(self.speed)):
             raise ValueError(f"speed is {self.speed}; expected 0 or more times real time.")
+        if self.clock not in ("simulated", "system"):
+            raise ValueError(f"clock is {self.clock!r}; expected simulated or system.")
+        if self.clock == "system" and (self.speed != 1 or self.lock_step):
+            raise ValueError("clock is system; expected speed 1 and no lock_step with it.")
         if self.camera not in SET_UPS:
             raise ValueError(f"camera is {self.camera!r}; expected {' or '.join(SET_UPS)}.")
         if self.camera_size and not 32 <= self.camera_size <= 1080:

@@ -6,19 +6,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sim_bridge.base import Base, Motion, Odometry
+from sim_bridge.collisions import Collisions
 from sim_bridge.noise import Noise, NoiseLevels
+from sim_bridge.own_motions import BackOff, BackupBuffer, Undock
 
 if TYPE_CHECKING:
     from sim_bridge.grid import Start
-    from sim_bridge.world import Contact, Pose, World
-
-COLLISION_GAP_S = 0.5
-"""Contacts less than this apart are one collision, s."""
+    from sim_bridge.world import Pose, World
 
 TILT_LIMIT_RAD = math.radians(30.0)
 """The camera's tilt mechanism turns this far up and down, rad."""
@@ -32,40 +30,6 @@ PUSH = (-0.15 / math.sqrt(2) / 0.5, 0.15 / math.sqrt(2) / 0.5)
 
 JUMP_M, JUMP_RAD = 0.5, math.pi / 2
 """How far ``odom_jump`` and ``odom_turned`` put the odometry off."""
-
-
-class Collisions:
-    """Counts collisions in the contacts of successive steps."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.contacts: tuple[Contact, ...] = ()
-        """What touches at present."""
-        self.impact_speed = 0.0
-        """m/s at the onset of the present collision; 0 when nothing touches."""
-        self._last_touch = -math.inf
-
-    def update(self, t: float, contacts: Sequence[Contact], speed: float) -> bool:
-        """Take the contacts after one step.
-
-        Args:
-            t: time, s.
-            contacts: whatever touches hull or mast.
-            speed: m/s of the robot before the step; at its end the impact has slowed it.
-
-        Returns:
-            Whether a new collision began.
-        """
-        self.contacts = tuple(contacts)
-        if not contacts:
-            self.impact_speed = 0.0
-            return False
-        began = t - self._last_touch >= COLLISION_GAP_S - 1e-9
-        self._last_touch = t
-        if began:
-            self.count += 1
-            self.impact_speed = speed
-        return began
 
 
 @dataclass(frozen=True)
@@ -91,10 +55,13 @@ class Simulator:
     Args:
         world: where the robot is; ``enter`` moves it to another.
         noise: of wheels and odometry; none when None.
+        reflexes: whether the base backs off by itself when its bumper is pressed.
     """
 
-    def __init__(self, world: World, noise: Noise | None = None) -> None:
+    def __init__(self, world: World, noise: Noise | None = None, reflexes: bool = False) -> None:
         self.noise = noise or Noise(NoiseLevels().scaled(0.0), 0)
+        self._reflexes = reflexes
+        self._own: BackOff | Undock | None = None
         self.base = Base()
         self.odometry = Odometry()
         self.steps = 0
@@ -113,6 +80,29 @@ class Simulator:
     def wheels_enabled(self) -> bool:
         """Whether the wheels have power."""
         return not (self.e_stop or "e_stop" in self.trouble)
+
+    @property
+    def docked(self) -> bool:
+        """Whether the robot sits on its dock."""
+        return self._on_dock or "docked" in self.trouble
+
+    @property
+    def backup_low(self) -> bool:
+        """Whether little or nothing is left of the way that commands may drive backward."""
+        return self._backup.low
+
+    @property
+    def busy(self) -> bool:
+        """Whether the base does something by itself and hears no command."""
+        return self._own is not None or "base_busy" in self.trouble
+
+    def dock(self) -> None:
+        """Let the robot sit on a dock where it is."""
+        self._on_dock = True
+
+    def undock(self) -> None:
+        """Begin to leave the dock; ``busy`` until that is done."""
+        self._own = Undock()
 
     @property
     def motion(self) -> Motion:
@@ -136,6 +126,11 @@ class Simulator:
 
     def _rest(self) -> None:
         self.base.stop()
+        self._own = None
+        self._was_pressed = False
+        self._on_dock = False
+        self._backup = BackupBuffer()
+        self._moved = (0.0, 0.0)
         self._wheels = (0.0, 0.0)
         self._speed = 0.0
         self._still_since: float | None = self.time
@@ -202,9 +197,12 @@ class Simulator:
         return min(distances)
 
     def command(self, v: float, w: float) -> None:
-        """Receive a velocity command now: m/s forward, rad/s counter-clockwise."""
-        if "base_busy" not in self.trouble:
-            self.base.command(self.time, v, w)
+        """Receive a velocity command now: m/s forward, rad/s counter-clockwise.
+
+        A base that is busy or on its dock ignores it.
+        """
+        if not (self.busy or self.docked):
+            self.base.command(self.time, *self._backup.limit(v, w))
 
     def suffer(self, faults: frozenset[str]) -> None:
         """Take the faults that hold from now on; those that are no trouble of the base do nothing.
@@ -218,7 +216,7 @@ class Simulator:
             self.odometry.move(JUMP_M, 0.0, 0.0)
         if "odom_turned" in begun:
             self.odometry.move(0.0, 0.0, JUMP_RAD)
-        if "base_busy" in begun:
+        if begun & {"base_busy", "docked"}:
             self.base.forget()
 
     def tilt_to(self, tilt: float) -> None:
@@ -236,20 +234,42 @@ class Simulator:
             Whether a new collision began.
         """
         before = self.world.pose
+        own = self._act()
         if not self.wheels_enabled:
             self.base.forget()
-        self._wheels = self.base.update(self.time, self.world.timestep)
+            own = None
+        self._wheels = self.base.update(self.time, self.world.timestep, own)
         self._drive(*self.noise.slip(*self._wheels))
         self.steps += 1
         forward, left, turn = _motion(before, self.world.pose)
         self.odometry.move(*self.noise.count(forward, left, turn, self.world.timestep))
         self.tilt_rate = (self.world.pose.tilt - before.tilt) / self.world.timestep
+        self._moved = forward, turn
+        self._backup.move(forward)
+        if self._backup.left <= 0 and self._own is None:
+            self.base.stop_backing()
         distance = math.hypot(forward, left)
         self.path_length += distance
         began = self.collisions.update(self.time, self.world.contacts(), self._speed)
         self._speed = distance / self.world.timestep
         self._watch_standstill()
         return began
+
+    def _act(self) -> tuple[float, float] | None:
+        """What the base does by itself now: m/s, rad/s; None when it obeys commands."""
+        pressed = bool(self.pressed())
+        began, self._was_pressed = pressed and not self._was_pressed, pressed
+        if began and self._reflexes and self._own is None:
+            self._own = BackOff()
+        if self._own is None:
+            return None
+        self.base.forget()
+        wanted = self._own.update(self.world.timestep, *self._moved, pressed)
+        if wanted is None:
+            if isinstance(self._own, Undock):
+                self._on_dock = False
+            self._own = None
+        return wanted
 
     def _drive(self, v: float, w: float) -> None:
         """Let the floor have what the wheels do, m/s and rad/s, or what is done to the robot."""

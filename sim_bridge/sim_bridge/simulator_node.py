@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from cfnav_interfaces.msg import FaultStatus, GroundTruth
+from cfnav_interfaces.msg import FaultStatus, GroundTruth, Moment
 from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
@@ -28,7 +28,9 @@ class SimulatorNode(Node):
 
     Args:
         hand_over: leaves work for the loop.
-        start_episode, end_episode, set_fault: request and empty response -> response, in the loop.
+        start_episode, end_episode, set_fault: request and empty response -> response, in the loop;
+            or a future that the loop will give it.
+        lock_step: whether moments are announced.
     """
 
     def __init__(
@@ -37,6 +39,7 @@ class SimulatorNode(Node):
         start_episode: Callable[[Any, Any], Any],
         end_episode: Callable[[Any, Any], Any],
         set_fault: Callable[[Any, Any], Any],
+        lock_step: bool,
     ) -> None:
         super().__init__("simulator")
         self._hand_over = hand_over
@@ -44,6 +47,7 @@ class SimulatorNode(Node):
         self.truth = publish(GroundTruth, "ground_truth/state", 100)
         self.map = publish(OccupancyGrid, "ground_truth/map", LATCHED)
         self.fault = publish(FaultStatus, "simulator/fault", EVERY_FAULT)
+        self.moment = publish(Moment, "simulator/moment", LATCHED) if lock_step else None
         for kind, name, answer in (
             (StartEpisode, "start_episode", start_episode),
             (EndEpisode, "end_episode", end_episode),
@@ -53,4 +57,9 @@ class SimulatorNode(Node):
 
     def _in_loop(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         """A service callback that waits until the loop has answered."""
-        return lambda request, response: self._hand_over(answer, request, response).result()
+
+        def serve(request: Any, response: Any) -> Any:
+            given = self._hand_over(answer, request, response).result()
+            return given.result() if isinstance(given, Future) else given
+
+        return serve

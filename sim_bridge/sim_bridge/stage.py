@@ -38,7 +38,7 @@ class Stage:
         self._parameters = parameters
         world, self.camera = self._build(parameters.room)
         self.noise = Noise(NoiseLevels().scaled(parameters.noise), parameters.seed)
-        self.simulator = Simulator(world, self.noise)
+        self.simulator = Simulator(world, self.noise, parameters.reflexes)
         self._seen: tuple[tuple, bool] = ((), False)
 
     @property
@@ -61,6 +61,8 @@ class Stage:
             self.simulator.place(pose.x, pose.y, pose.yaw)
         else:
             self._put_anywhere(p.seed)
+        if p.docked:
+            self.simulator.dock()
 
     def start_episode(self, request: Any, response: Any) -> bool:
         """Answer a StartEpisode.

@@ -15,13 +15,14 @@ import rclpy
 from cfnav_interfaces.msg import FaultStatus, GroundTruth
 from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
 from geometry_msgs.msg import Twist, TwistStamped
-from irobot_create_msgs.msg import HazardDetectionVector
+from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
+from irobot_create_msgs.srv import EStop
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
@@ -38,10 +39,16 @@ TOPICS = {
     "tf_static": TFMessage,
     "joint_states": JointState,
     "hazard_detection": HazardDetectionVector,
+    "wheel_status": WheelStatus,
+    "dock_status": DockStatus,
+    "battery_state": BatteryState,
+    "imu": Imu,
     "ground_truth/state": GroundTruth,
     "ground_truth/map": OccupancyGrid,
 }
-LATCHED = {"odom", "tf_static", "ground_truth/map"}
+RELAYED = {"odom", "wheel_status", "dock_status", "battery_state", "imu"}
+LATCHED = {"tf_static", "ground_truth/map", *RELAYED}
+SENSORS = {"scan", "oakd/rgb/preview/image_raw", "oakd/rgb/preview/camera_info"}
 
 
 def seconds(stamp):
@@ -105,6 +112,7 @@ class Listener:
                 (SetFault, "set_fault"),
             )
         }
+        self.clients[EStop] = self.node.create_client(EStop, "e_stop")
         self.faults = []
         every = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.node.create_subscription(FaultStatus, "simulator/fault", self.faults.append, every)
@@ -123,9 +131,10 @@ class Listener:
             each()
             self.executor.spin_once(timeout_sec=0.05)
 
-    def wait_connected(self, tilt=True):
-        publishers = [self.velocity, self.unstamped, *([self.tilt] if tilt else [])]
-        self.wait(lambda: all(self.heard[topic] for topic in TOPICS), "every topic")
+    def wait_connected(self, tilt=True, commands=True, without=()):
+        publishers = [self.velocity, self.unstamped] * commands + [self.tilt] * tilt
+        topics = set(TOPICS) - set(without)
+        self.wait(lambda: all(self.heard[topic] for topic in topics), "every topic")
         self.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
 
     def drive(self, v, w, condition, what, unstamped=False):
@@ -142,10 +151,15 @@ class Listener:
                 self.unstamped.publish(twist)
             else:
                 message = TwistStamped(twist=twist)
-                message.header.stamp = self.last("/clock").clock
+                message.header.stamp = self.last("odom").header.stamp
                 self.velocity.publish(message)
 
         self.wait(condition, what, renew)
+
+    def bumps(self):
+        """The zones in which the newest hazards say that something presses the bumper."""
+        found = self.last("hazard_detection").detections
+        return [hazard.header.frame_id for hazard in found if hazard.type == HazardDetection.BUMP]
 
     def wait_rest(self):
         def rests():
@@ -154,10 +168,28 @@ class Listener:
 
         self.wait(rests, "the robot to stand still")
 
+    def wait_for(self, duration):
+        """Hear messages for some seconds of the truth's time."""
+        until = seconds(self.last("ground_truth/state").header.stamp) + duration
+        self.wait(
+            lambda: seconds(self.last("ground_truth/state").header.stamp) > until,
+            f"{duration} s to pass",
+        )
+
     def call(self, kind, **fields):
-        client = self.clients[kind]
+        return self._answer(self.clients[kind], kind.Request(**fields))
+
+    def ask(self, kind, name):
+        """Call another service of the robot."""
+        client = self.node.create_client(kind, name)
+        try:
+            return self._answer(client, kind.Request())
+        finally:
+            self.node.destroy_client(client)
+
+    def _answer(self, client, request):
         self.wait(client.service_is_ready, "the service")
-        answer = client.call_async(kind.Request(**fields))
+        answer = client.call_async(request)
         self.wait(answer.done, "the answer")
         return answer.result()
 

@@ -74,11 +74,6 @@ def truth_time(robot):
     return seconds(robot.last("ground_truth/state").header.stamp)
 
 
-def wait_truth(robot, duration):
-    until = truth_time(robot) + duration
-    robot.wait(lambda: truth_time(robot) > until, f"{duration} s")
-
-
 def test_schedule_file_was_followed(robot):
     robot.wait(lambda: len(robot.faults) >= 2, "the scheduled fault")
     begin, end = robot.faults[:2]
@@ -108,7 +103,7 @@ def test_message_fault_is_felt_and_mended(robot, fault):
 def test_fault_waits_for_the_turn_and_mends_itself(robot):
     heard = len(robot.faults)
     assert robot.call(SetFault, fault="odom_silent", active=True, when="turning", duration=0.5).ok
-    wait_truth(robot, 0.5)
+    robot.wait_for(0.5)
     assert len(robot.faults) == heard
     robot.drive(0.0, 0.8, lambda: len(robot.faults) > heard, "the fault")
     truth = next(m for m in robot.heard["ground_truth/state"] if abs(m.w) > 0.3)
@@ -172,7 +167,7 @@ def test_cut_network_lets_only_the_truth_through(robot, fault):
 
 def test_stopped_clock_stops_stamps_but_not_the_truth(robot, fault):
     fault("clock_stop")
-    wait_truth(robot, 0.2)
+    robot.wait_for(0.2)
     ticks = len(robot.heard["/clock"])
     before = truth_time(robot)
     stamps = {seconds(m.header.stamp) for m in newer(robot, "odom", 8)}
@@ -183,7 +178,7 @@ def test_stopped_clock_stops_stamps_but_not_the_truth(robot, fault):
 
 @pytest.mark.parametrize(("name", "off"), [("clock_ahead", 10.0), ("clock_back", -10.0)])
 def test_jumping_clock_takes_the_stamps_along(robot, fault, name, off):
-    wait_truth(robot, max(0.0, 12.0 - truth_time(robot)))
+    robot.wait_for(max(0.0, 12.0 - truth_time(robot)))
     fault(name)
     odometry = newer(robot, "odom", 4)[-1]
     newer(robot, "ground_truth/state", 2)
@@ -197,7 +192,6 @@ def test_bumper_that_sticks_is_reported_without_a_collision(robot, fault):
     room_pose = robot.last("ground_truth/state")
     assert robot.call(StartEpisode, room=ROOM, start=[room_pose.x, room_pose.y, room_pose.yaw]).ok
     fault("bumper_stuck")
-    robot.wait(lambda: robot.last("hazard_detection").detections, "a hazard")
-    (bump,) = robot.last("hazard_detection").detections
-    assert bump.header.frame_id == "bump_front_center"
+    robot.wait(robot.bumps, "a bump")
+    assert robot.bumps() == ["bump_front_center"]
     assert robot.last("ground_truth/state").collisions == 0

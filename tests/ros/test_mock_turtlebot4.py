@@ -14,10 +14,12 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup
 
 from cfnav_interfaces.srv import EndEpisode, StartEpisode  # noqa: E402
 from irobot_create_msgs.msg import HazardDetection  # noqa: E402
+from irobot_create_msgs.srv import EStop  # noqa: E402
 from sim_bridge.camera import Camera  # noqa: E402
 from sim_bridge.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world import HULL_RADIUS, Pose, World  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
+from std_srvs.srv import Empty, Trigger  # noqa: E402
 
 from .mock_listener import (  # noqa: E402
     LATCHED,
@@ -92,6 +94,9 @@ def test_one_ready_line(mock):
         ("odom", 20.0),
         ("joint_states", 20.0),
         ("hazard_detection", 20.0),
+        ("wheel_status", 20.0),
+        ("imu", 31.0),
+        ("dock_status", 1.0),
         ("ground_truth/state", 20.0),
     ],
 )
@@ -233,19 +238,80 @@ def test_camera_tilts(robot):
         assert pitch == pytest.approx(-asked, abs=0.1)
 
 
-def test_bump_is_reported_by_the_base_and_counted_by_the_simulator(robot, start):
-    robot.drive(0.2, 0.0, lambda: robot.last("ground_truth/state").in_contact, "a contact")
-    robot.wait(lambda: robot.last("hazard_detection").detections, "a bump hazard")
-    (bump,) = robot.last("hazard_detection").detections[:1]
-    assert bump.type == HazardDetection.BUMP
-    assert bump.header.frame_id.startswith("bump_")
+def test_bump_is_reported_counted_and_backed_off_from(robot, start):
+    robot.drive(0.2, 0.0, robot.bumps, "a bump hazard")
+    assert all(zone.startswith("bump_") for zone in robot.bumps())
+    robot.wait(lambda: robot.last("ground_truth/state").v < -0.1, "the reflex")
+    robot.wait_rest()
     truth = robot.last("ground_truth/state")
     assert truth.collisions == 1
-    assert truth.contact_with
+    assert not truth.in_contact
     onset = next(m for m in robot.heard["ground_truth/state"] if m.in_contact)
+    assert onset.contact_with
     assert onset.impact_speed == pytest.approx(0.2, abs=0.02)
-    assert math.dist((truth.x, truth.y), start[:2]) > 0.3
+    assert math.dist((onset.x, onset.y), start[:2]) > 0.3
+    assert 0.05 <= math.dist((onset.x, onset.y), (truth.x, truth.y)) < 0.1
+
+
+def test_backup_limit_is_a_hazard_until_the_robot_drives_forward(robot, start):
+    assert robot.call(StartEpisode, room=ROOM, start=start).ok
+
+    def limited():
+        return [h.type for h in robot.last("hazard_detection").detections]
+
+    robot.wait(lambda: limited() == [HazardDetection.BACKUP_LIMIT], "the limit")
+    robot.drive(0.2, 0.0, lambda: limited() == [], "the limit's end")
     robot.wait_rest()
+
+
+def test_e_stop_is_obeyed_although_the_answer_is_the_relays_default(robot, start):
+    assert robot.call(StartEpisode, room=ROOM, start=start).ok
+    robot.drive(0.0, 0.5, lambda: robot.last("ground_truth/state").w > 0.4, "a turn")
+    for on in (True, False):
+        answer = robot.call(EStop, e_stop_on=on)
+        assert (answer.success, answer.message) == (False, "")
+        robot.wait(lambda on=on: robot.last("wheel_status").wheels_enabled != on, "the wheels")
+        wanted = (
+            (lambda: robot.last("ground_truth/state").still_since)
+            if on
+            else (lambda: robot.last("ground_truth/state").w > 0.4)
+        )
+        robot.drive(0.0, 0.5, wanted, "stop and go")
+    robot.wait_rest()
+
+
+@pytest.mark.parametrize(
+    ("topic", "off", "on"),
+    [
+        ("scan", (Empty, "stop_motor"), (Empty, "start_motor")),
+        (
+            "oakd/rgb/preview/image_raw",
+            (Trigger, "oakd/stop_camera"),
+            (Trigger, "oakd/start_camera"),
+        ),
+    ],
+)
+def test_sensors_stop_and_start_on_demand(robot, topic, off, on):
+    answer = robot.ask(*off)
+    assert getattr(answer, "success", True)
+    robot.wait_for(1.0)
+    count = len(robot.heard[topic])
+    robot.wait_for(1.0)
+    assert len(robot.heard[topic]) == count
+    assert getattr(robot.ask(*on), "success", True)
+    robot.wait(lambda: len(robot.heard[topic]) > count + 3, topic)
+
+
+def test_base_tells_of_dock_battery_and_gyroscope(robot):
+    assert not robot.last("dock_status").is_docked
+    assert 0 < robot.last("battery_state").percentage <= 1
+    robot.drive(0.0, 0.5, lambda: robot.last("imu").angular_velocity.z > 0.4, "the gyroscope")
+    robot.wait_rest()
+    yaw = robot.last("imu").orientation
+    assert 2 * math.atan2(yaw.z, yaw.w) == pytest.approx(
+        2 * math.atan2(*(getattr(robot.last("odom").pose.pose.orientation, k) for k in "zw")),
+        abs=0.01,
+    )
 
 
 def test_episode_of_its_own_room_and_of_another(robot):

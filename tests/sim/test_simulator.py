@@ -3,10 +3,11 @@
 import math
 
 import pytest
+from sim_bridge.collisions import Collisions
 from sim_bridge.grid import Start
 from sim_bridge.parts import Part, RoomObject
 from sim_bridge.room import Room
-from sim_bridge.simulator import Collisions, Simulator
+from sim_bridge.simulator import Simulator
 from sim_bridge.world import Contact, World
 
 WALL_X = 3.0

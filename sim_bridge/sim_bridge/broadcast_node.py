@@ -1,0 +1,211 @@
+"""What the mock's nodes publish, and when."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from cfnav_interfaces.msg import FaultStatus, Moment
+from rosgraph_msgs.msg import Clock
+from tf2_msgs.msg import TFMessage
+
+from sim_bridge import conversions as to_msg
+from sim_bridge.fault_schedule import FaultSchedule
+from sim_bridge.faults import CAMERA_INFO, IMAGE, JOINTS, ODOM, SCAN, TF
+from sim_bridge.lidar_turn import LidarTurn
+from sim_bridge.lock_step import PATIENCE_S
+from sim_bridge.outbox import Outbox
+from sim_bridge.pacing import Every
+from sim_bridge.parameters import MockParameters
+from sim_bridge.robot_clock import RobotClock
+from sim_bridge.robot_node import (
+    BATTERY,
+    CLOCK,
+    DOCK,
+    HAZARDS,
+    IMU,
+    TF_STATIC,
+    WHEELS,
+    RivalNode,
+    RobotNode,
+)
+from sim_bridge.scan_faults import stranger
+from sim_bridge.simulator_node import SimulatorNode
+from sim_bridge.stage import Stage
+
+CAMERA_PERIOD = 1.0 / 15.0
+STATE_PERIOD = 1.0 / 20.0
+"""Also of the wheels' status, which a base sends at 62.5 Hz: nobody reads it faster than odometry,
+and each message costs a Python node that listens."""
+IMU_PERIOD = 1.0 / 31.0
+"""What comes through the relay of the base's 100 Hz (turtlebot4_diagnostics expects 30 to 35)."""
+DOCK_PERIOD, BATTERY_PERIOD = 1.0, 10.0
+"""The battery as in create3_sim; the dock's status also at every change."""
+MAP_RESOLUTION = 0.02
+SENSORS = (IMAGE, SCAN, ODOM)
+
+
+class Broadcast:
+    """Publishes what is due of a stage.
+
+    Args:
+        robot, simulator_node: the nodes, connected.
+        stage: what there is to see.
+        clock: stamps the robot's messages.
+        faults: what becomes of them.
+        parameters: of the mock.
+
+    Attributes:
+        outbox: messages under way, commands to the robot included.
+        lidar_on, camera_on: whether they run; on the dock they do not in any case.
+        rival: another node that sends scans, if there is one.
+    """
+
+    def __init__(
+        self,
+        robot: RobotNode,
+        simulator_node: SimulatorNode,
+        stage: Stage,
+        clock: RobotClock,
+        faults: FaultSchedule,
+        parameters: MockParameters,
+    ) -> None:
+        self._robot, self._simulator_node, self._stage = robot, simulator_node, stage
+        self._simulator, self._clock = stage.simulator, clock
+        self._set_up = parameters.set_up
+        self.outbox = Outbox(faults)
+        self.lidar_on = self.camera_on = True
+        self.rival: RivalNode | None = None
+        self._turn = LidarTurn()
+        self._sent: dict[str, Time] = {}
+        self._restarted = 0.0
+        self._docked = self._simulator.docked
+        self._schedule = (
+            Every(STATE_PERIOD, self._state),
+            Every(CAMERA_PERIOD, self._picture),
+            Every(IMU_PERIOD, self._imu),
+            Every(DOCK_PERIOD, self._dock),
+            Every(BATTERY_PERIOD, self._battery),
+        )
+
+    @property
+    def _now(self) -> float:
+        """What the robot's clock shows, s."""
+        return self._clock(self._simulator.time)
+
+    def restart(self) -> None:
+        """Drop what is under way and begin every period now."""
+        t = self._simulator.time
+        self.outbox.clear()
+        self._sent.clear()
+        self._restarted = t
+        self._turn.restart(t)
+        for every in self._schedule:
+            every.restart(t)
+
+    def publish(self, collision_began: bool) -> None:
+        """Publish what is due, the time first so that no stamp lies in a receiver's future.
+
+        A message on /clock every step would cost each Python node that listens a sixth of a core.
+        """
+        t = self._simulator.time
+        due = [every.action for every in self._schedule if every.due(t)]
+        if self._turn.complete(t, self._simulator.world.pose):
+            due.append(self._scan)
+        if collision_began and self._state not in due:
+            due.append(self._contact)
+        if self._docked != self._simulator.docked:
+            self._docked = self._simulator.docked
+            due.append(self._dock)
+        ticks = CLOCK in self._robot.out and self._clock.stopped_at is None
+        if ticks and (due or self.outbox.due(t)):
+            self._send(CLOCK, Clock(clock=to_msg.stamp(self._now)))
+        for action in due:
+            action()
+        self.outbox.release(t)
+
+    def mounts(self) -> None:
+        """Publish where the sensors sit."""
+        mounts = to_msg.static_transforms(self._set_up, self._now)
+        self._robot.out[TF_STATIC].publish(TFMessage(transforms=mounts))
+
+    def map(self) -> None:
+        """Publish the plan of the room."""
+        grid = self._simulator.world.occupancy(MAP_RESOLUTION)
+        t = self._clock.true(self._simulator.time)
+        self._simulator_node.map.publish(to_msg.occupancy_grid(grid, MAP_RESOLUTION, t))
+
+    def fault(self, name: str, holds: bool) -> None:
+        """Say that a fault began or ended."""
+        header = to_msg.header(self._clock.true(self._simulator.time), "")
+        self._simulator_node.fault.publish(FaultStatus(header=header, fault=name, active=holds))
+
+    def moment(self) -> tuple[Time, int] | None:
+        """Announce the moment: what was sent last of each sensor.
+
+        Returns:
+            Its stamp and how many hear it; None soon after a start, while a sensor is to speak.
+        """
+        t = self._simulator.time
+        complete = all(topic in self._sent for topic in SENSORS)
+        if not complete and t - self._restarted < PATIENCE_S:
+            return None
+        stamp, publisher = to_msg.stamp(self._now), self._simulator_node.moment
+        image, scan, odometry = (self._sent.get(topic, Time()) for topic in SENSORS)
+        publisher.publish(Moment(stamp=stamp, image=image, scan=scan, odometry=odometry))
+        return stamp, publisher.get_subscription_count()
+
+    def _send(self, topic: str, message: Any, latency: float = 0.0) -> None:
+        def deliver(message: Any) -> None:
+            self._robot.out[topic].publish(message)
+            if topic in SENSORS:
+                self._sent[topic] = message.header.stamp
+
+        self.outbox.put(topic, message, deliver, self._simulator.time, latency)
+
+    def _state(self) -> None:
+        simulator, now = self._simulator, self._now
+        tilt, late = simulator.world.pose.tilt, self._stage.noise.levels.odometry_latency
+        self._send(ODOM, to_msg.odometry(simulator.odometry, simulator.twist, now), late)
+        moving = to_msg.moving_transforms(simulator.odometry, self._set_up, tilt, now)
+        self._send(TF, TFMessage(transforms=moving), late)
+        self._send(JOINTS, to_msg.joint_state(self._set_up, tilt, now))
+        self._send(WHEELS, to_msg.wheel_status(simulator.wheels_enabled, now))
+        self._contact()
+
+    def _contact(self) -> None:
+        simulator = self._simulator
+        found = to_msg.hazards(simulator.pressed(), simulator.backup_low, self._now)
+        self._send(HAZARDS, found)
+        truth = to_msg.ground_truth(simulator, self._stage.goal_visible(), self._clock.epoch)
+        self._simulator_node.truth.publish(truth)
+
+    def _scan(self) -> None:
+        began = self._clock(self._turn.began)
+        if self.lidar_on and not self._simulator.docked:
+            distances = self._stage.noise.scan(self._turn.distances(self._simulator.world))
+            scan = to_msg.laser_scan(distances, began)
+            if self.rival is not None and self.rival.scan is not None:
+                other = deepcopy(scan)
+                stranger(other)
+                self.rival.scan.publish(other)
+            self._send(SCAN, scan)
+        self._turn.next()
+
+    def _picture(self) -> None:
+        if not self.camera_on or self._simulator.docked:
+            return
+        now, late = self._now, self._stage.noise.levels.image_latency
+        self._send(IMAGE, to_msg.image(self._stage.picture(CAMERA_PERIOD), now), late)
+        self._send(CAMERA_INFO, to_msg.camera_info(self._set_up, now), late)
+
+    def _imu(self) -> None:
+        simulator = self._simulator
+        self._send(IMU, to_msg.imu(simulator.odometry, simulator.twist, self._now))
+
+    def _dock(self) -> None:
+        self._send(DOCK, to_msg.dock_status(self._simulator.docked, self._now))
+
+    def _battery(self) -> None:
+        self._send(BATTERY, to_msg.battery_state(self._simulator.docked, self._now))

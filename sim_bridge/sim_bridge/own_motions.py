@@ -1,0 +1,97 @@
+"""What the base does by itself, during which it ignores commands: backing off, leaving the dock.
+
+Pure: the motion made so far is told step by step.
+"""
+
+from __future__ import annotations
+
+import math
+
+BACK_OFF_SPEED = -0.14
+BACK_OFF_M = (0.05, 0.15)
+"""m/s, and m that the reflex backs off at least and at most.
+
+Source: create3_sim ``reflex_behavior.hpp``.
+"""
+
+BACK_OFF_S = 2.0
+"""s after which a reflex that cannot move gives up. Assumed."""
+
+UNDOCK_M, UNDOCK_SPEED = 0.3, -0.15
+UNDOCK_TURN, UNDOCK_RATE = math.pi, 1.0
+"""m, m/s, rad and rad/s of leaving the dock: backward, then around (create3_docs). The numbers are
+assumed."""
+
+BACKUP_M = 0.15
+BACKUP_LOW_M = 0.05
+"""m that commands may drive backward after driving forward as much, and what is left of it when
+the base begins to warn. Source: create3_sim ``motion_control_node.cpp``."""
+
+
+class BackupBuffer:
+    """How far commands may still drive backward: the base sees nothing behind it."""
+
+    def __init__(self) -> None:
+        self.left = 0.0
+        """m."""
+
+    @property
+    def low(self) -> bool:
+        """Whether the base reports BACKUP_LIMIT."""
+        return self.left <= BACKUP_LOW_M
+
+    def move(self, forward: float) -> None:
+        """Count a motion, m forward."""
+        self.left = min(BACKUP_M, max(0.0, self.left + forward))
+
+    def limit(self, v: float, w: float) -> tuple[float, float]:
+        """The command that is left of one: m/s, rad/s."""
+        return (0.0, 0.0) if v < 0 and self.left <= 0 else (v, w)
+
+
+class BackOff:
+    """The bump reflex: back until the bumper is free, within ``BACK_OFF_M``."""
+
+    def __init__(self) -> None:
+        self._driven = self._spent = 0.0
+
+    def update(
+        self, dt: float, forward: float, turn: float, pressed: bool
+    ) -> tuple[float, float] | None:
+        """Go on.
+
+        Args:
+            dt: s since the last call.
+            forward: m driven in it.
+            turn: rad turned in it.
+            pressed: whether the bumper is.
+
+        Returns:
+            m/s and rad/s to drive with, None when it is over.
+        """
+        self._driven -= forward
+        self._spent += dt
+        least, most = BACK_OFF_M
+        free = self._driven >= least and not pressed
+        if free or self._driven >= most or self._spent > BACK_OFF_S:
+            return None
+        return BACK_OFF_SPEED, 0.0
+
+
+class Undock:
+    """Back off the dock, then turn around."""
+
+    def __init__(self) -> None:
+        self._driven = self._turned = 0.0
+
+    def update(
+        self, dt: float, forward: float, turn: float, pressed: bool
+    ) -> tuple[float, float] | None:
+        """Go on; arguments and result as in ``BackOff.update``."""
+        if self._driven < UNDOCK_M:
+            self._driven -= forward
+            return UNDOCK_SPEED, 0.0
+        self._turned += turn
+        left = UNDOCK_TURN - self._turned
+        # Rate in proportion to what is left, so that it arrives and does not shoot past.
+        return None if left < 0.01 else (0.0, min(UNDOCK_RATE, max(0.1, 2.0 * left)))
