@@ -68,7 +68,7 @@ class SweptDisc:
     Sources: the mounting is the TurtleBot 4's URDF, the radius Nav2's ``robot_radius`` for it and
     the hull of the built-in rooms. ``margin`` belongs to the published clearance, which guards a
     motion under way, and not to the probability. An unknown arc of ``blind_arc_deg`` hides
-    something 0.25 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
+    something 0.2 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
     bracket stand at the bearings of ``mask_bearings_deg`` (turtlebot4_description).
     """
 
@@ -101,7 +101,7 @@ class SweptDisc:
         default=0.8, metadata={"help": "less known is DEGRADED", "min": 0.0, "max": 1.0}
     )
     blind_arc_deg: float = field(
-        default=30.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
+        default=25.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
     )
     good_arc_deg: float = field(
         default=10.0, metadata={"help": "longer unknown arc: DEGRADED", "min": 0.0, "max": 360.0}

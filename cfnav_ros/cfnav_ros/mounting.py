@@ -89,8 +89,9 @@ class OwnParts:
     """Looks for the robot's own posts where the mounting says that they stand.
 
     They stand nearer than the scanner measures and hide what is behind them. When beams at the
-    middle of most of them keep returning, the scanner is turned against its mounting. A mirrored
-    scanner goes unnoticed: the posts stand alike on both sides.
+    middle of most of them keep returning, the scanner is turned against its mounting, or turns the
+    wrong way about its own axis, which swaps front and rear here. A scan with left and right
+    swapped goes unnoticed: the posts stand alike on both sides.
     """
 
     def __init__(self, bearings: tuple[float, ...]) -> None:

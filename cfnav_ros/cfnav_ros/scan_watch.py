@@ -15,7 +15,7 @@ class ScanWatch:
     """Turns each scan into an estimate, and silence into BLIND ones.
 
     Attributes:
-        source: where the mounting of the last scan came from, "TF" or "parameters".
+        source: where the last mounting that was trusted came from, "TF" or "parameters".
     """
 
     def __init__(
@@ -67,8 +67,9 @@ class ScanWatch:
         fault = self._rivals or malformed(scan) or self._unchanged(stamp, scan)
         mount = None
         if not fault:
-            mount, self.source, fault = self._mounting.choose(scan.frame)
+            mount, source, fault = self._mounting.choose(scan.frame)
         if mount is not None:
+            self.source = source
             fault = self._own_parts.look(scan, mount)
         if fault:
             return blind(fault), True

@@ -168,7 +168,7 @@ def test_a_scan_of_one_value_is_blind(value):
 @pytest.mark.parametrize("value", [math.inf, math.nan])
 @pytest.mark.parametrize(
     ("width", "verdict"),
-    [(4, Verdict.GOOD), (20, Verdict.DEGRADED), (36, Verdict.BLIND), (90, Verdict.BLIND)],
+    [(4, Verdict.GOOD), (20, Verdict.DEGRADED), (30, Verdict.BLIND), (90, Verdict.BLIND)],
 )
 def test_an_unknown_sector_ahead(value, width, verdict):
     estimate = estimate_collision(replaced(scan_of(room), value, -width / 2, width / 2))
@@ -327,7 +327,7 @@ def test_a_scanner_that_hangs_upside_down(rear_deg):
 
 def test_an_arc_behind_counts_whole_for_a_turn():
     """It crosses the bearing of 180 degrees, where bearings start again."""
-    for width, verdict in ((8, Verdict.GOOD), (26, Verdict.DEGRADED), (40, Verdict.BLIND)):
+    for width, verdict in ((8, Verdict.GOOD), (20, Verdict.DEGRADED), (40, Verdict.BLIND)):
         scan = replaced(scan_of(room), math.inf, 180 - width / 2, 180)
         scan = replaced(scan, math.inf, -180, -180 + width / 2)
         no_parts = estimate_collision(scan, SweptDisc(mask_bearings_deg=""))

@@ -203,6 +203,15 @@ def test_every_turn_beyond_a_posts_width_is_found(turned_deg):
     assert not any(sentences[:-1])
 
 
+def test_a_scanner_that_turns_the_wrong_way_is_found():
+    """Mirrored about the laser's own axis, which points left: front and rear are swapped."""
+    parts = OwnParts(DISC.mask_bearings)
+    for scan in stream(SEEN_THROUGH):
+        mirrored = dataclasses.replace(scan, ranges=np.roll(scan.ranges[::-1], -3))
+        sentence = parts.look(mirrored, DISC.mount)
+    assert "it is not mounted as said" in sentence
+
+
 def test_a_few_ghosts_behind_posts_are_no_turn():
     parts, rng = OwnParts(DISC.mask_bearings), np.random.default_rng(3)
     for scan in stream(200):
