@@ -15,10 +15,14 @@ import numpy as np
 from cfnav_ros.lidar import Estimate, blind
 from cfnav_ros.motion import Odometry
 from cfnav_ros.preflight import BaseCheck
+from cfnav_ros.settings import setting
 
 FUTURE_S = 0.5
 """A stamp this far ahead of node time comes from another clock."""
 
+
+OTHER_TIME_S = 1e8
+"""Clocks further apart (three years) read simulated time and the system's."""
 
 NEVER, NEVER_NS = -math.inf, -1
 """Stamps of what has not arrived yet."""
@@ -117,10 +121,10 @@ class Inputs:
 class AgeLimits:
     """Oldest input to act on, seconds of node time: about five periods of each."""
 
-    frame: float = field(default=1.0, metadata={"help": "picture, s"})
-    estimate: float = field(default=0.5, metadata={"help": "collision estimate, s"})
-    odometry: float = field(default=0.25, metadata={"help": "odometry, s"})
-    tilt: float = field(default=0.5, metadata={"help": "measured camera tilt, s"})
+    frame: float = setting(1.0, "picture, s", 0.05, 10.0)
+    estimate: float = setting(0.5, "collision estimate, s", 0.05, 5.0)
+    odometry: float = setting(0.25, "odometry, s", 0.05, 2.0)
+    tilt: float = setting(0.5, "measured camera tilt, s", 0.05, 10.0)
 
 
 NAMES = {
@@ -209,7 +213,10 @@ def clocks_differ(t: float, inputs: Inputs, limits: AgeLimits) -> str:
     low, high = min(offsets), max(offsets)
     if high - low > FUTURE_S or min(abs(low), abs(high)) <= FUTURE_S:
         return ""
+    cure = "set both with chrony"
+    if abs(low) > OTHER_TIME_S:
+        cure = "use_sim_time must be true where /clock is published, and only there"
     return (
         f"the clocks of robot and computer differ by {abs(low):.1f} s (the robot's is "
-        f"{'behind' if low > 0 else 'ahead'}): set both with chrony"
+        f"{'behind' if low > 0 else 'ahead'}): {cure}"
     )

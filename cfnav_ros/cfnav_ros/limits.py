@@ -6,41 +6,40 @@ from dataclasses import dataclass, field
 
 from cfnav_ros.inputs import AgeLimits
 from cfnav_ros.motion import MotionLimits
+from cfnav_ros.settings import setting
 
 
 @dataclass(frozen=True)
 class EpisodeLimits:
-    """When an episode observes, waits, gives up. Times are seconds of node time."""
+    """When an episode observes, waits, gives up. Times are seconds of node time.
 
-    max_steps: int = field(default=100, metadata={"help": "decisions, Done included"})
-    settle: float = field(default=0.15, metadata={"help": "from standing to a usable picture, s"})
-    preflight_timeout: float = field(default=10.0, metadata={"help": "to find robot and inputs, s"})
-    lost_timeout: float = field(default=2.0, metadata={"help": "stand on lost inputs, then end, s"})
-    observe_timeout: float = field(default=5.0, metadata={"help": "to come to rest and look, s"})
-    think_timeout: float = field(default=10.0, metadata={"help": "for one decision, s"})
-    tilt_timeout: float = field(default=5.0, metadata={"help": "for one camera tilt, s"})
-    tilt_tolerance_deg: float = field(default=1.0, metadata={"help": "of the camera tilt, deg"})
-    stop_time: float = field(default=0.5, metadata={"help": "zero velocity at the end, s"})
-    blind_timeout: float = field(default=5.0, metadata={"help": "blind LiDAR ends it, s"})
-    max_failed_motions: int = field(
-        default=8, metadata={"help": "in a row, whatever the reason: there is no way on"}
+    What may be changed while the node runs holds from the next episode on.
+    """
+
+    max_steps: int = setting(100, "decisions, Done included", 1, 100000)
+    settle: float = setting(0.15, "from standing to a usable picture, s", 0.0, 5.0)
+    preflight_timeout: float = setting(10.0, "to find robot and inputs, s", 0.5, 600.0)
+    lost_timeout: float = setting(2.0, "stand on lost inputs, then end, s", 0.1, 60.0)
+    observe_timeout: float = setting(5.0, "to come to rest and look, s", 0.5, 60.0)
+    think_timeout: float = setting(10.0, "for one decision, s", 0.1, 600.0)
+    tilt_timeout: float = setting(5.0, "for one camera tilt, s", 0.5, 60.0)
+    tilt_tolerance_deg: float = setting(1.0, "of the camera tilt, deg", 0.1, 10.0)
+    stop_time: float = setting(0.5, "zero velocity at the end, s", 0.1, 10.0)
+    blind_timeout: float = setting(5.0, "blind LiDAR ends it, s", 0.5, 60.0)
+    max_failed_motions: int = setting(
+        8, "in a row, whatever the reason: there is no way on", 1, 1000
     )
-    max_stalls: int = field(
-        default=3, metadata={"help": "motions in a row without progress: the base is stuck"}
+    max_stalls: int = setting(3, "motions in a row without progress: the base is stuck", 1, 1000)
+    max_pushes: int = setting(8, "times that the base may move by itself in an episode", 1, 1000)
+    lidar: bool = setting(
+        True, "collision probability from the LiDAR; off: the bundle's own, no veto"
     )
-    max_pushes: int = field(
-        default=8, metadata={"help": "times that the base may move by itself in an episode"}
+    veto: bool = setting(True, "the LiDAR may forbid a MoveAhead", live=True)
+    veto_probability: float = setting(0.5, "from which it does", 0.001, 1.0, live=True)
+    guard_slack: float = setting(
+        0.05, "clearance lost while driving that stops a MoveAhead, m", 0.0, 0.25
     )
-    lidar: bool = field(
-        default=True,
-        metadata={"help": "collision probability from the LiDAR; off: the bundle's own, no veto"},
-    )
-    veto: bool = field(default=True, metadata={"help": "the LiDAR may forbid a MoveAhead"})
-    veto_probability: float = field(default=0.5, metadata={"help": "from which it does"})
-    guard_slack: float = field(
-        default=0.05, metadata={"help": "clearance lost while driving that stops a MoveAhead, m"}
-    )
-    has_tilt: bool = field(default=True, metadata={"help": "the camera tilts on command"})
+    has_tilt: bool = setting(True, "the camera tilts on command")
     motion: MotionLimits = field(default_factory=MotionLimits)
     ages: AgeLimits = field(default_factory=AgeLimits)
 

@@ -8,10 +8,11 @@ is carried into the next.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from cfnav_core.actions import STEP_M, TURN_RAD, Action
+from cfnav_ros.settings import setting
 
 
 @dataclass(frozen=True)
@@ -53,25 +54,31 @@ class Status(Enum):
 class MotionLimits:
     """Speeds and tolerances of the executor.
 
-    Sources: speeds stay under the Create 3's 0.306 m/s, 0.9 m/s^2 and 1.9 rad/s because a mast
-    sways; floors and tolerances are those of its own drive actions; deadlines are three times the
-    nominal duration.
+    Sources:
+        Ranges end at what the base can do: 0.306 m/s, 0.9 m/s^2, 1.9 rad/s (create3_docs
+        ``safety.md``) and 7.7 rad/s^2 in place (create3_sim ``control.yaml``).
+        Defaults of speeds and accelerations stay below that because a mast sways: at 0.20 m/s the
+        robot stops within 0.08 m, reaction included.
+        ``v_min``, ``w_min`` and the tolerances are those of the base's own drive actions
+        (create3_sim ``drive_goal_behaviors.cpp``).
+        Deadlines are three times the nominal durations, 1.65 s for 0.25 m and 1.3 s for 45 degrees.
+        ``stall_time`` goes with ``STALL_M`` and ``STALL_RAD``: creeping at ``v_min`` makes more.
     """
 
-    v_max: float = field(default=0.20, metadata={"help": "top speed, m/s"})
-    v_min: float = field(default=0.05, metadata={"help": "creep speed, m/s"})
-    a_lin: float = field(default=0.5, metadata={"help": "acceleration, m/s^2"})
-    w_max: float = field(default=1.0, metadata={"help": "top turn rate, rad/s"})
-    w_min: float = field(default=0.1, metadata={"help": "creep turn rate, rad/s"})
-    a_ang: float = field(default=2.0, metadata={"help": "turn acceleration, rad/s^2"})
-    tolerance_m: float = field(default=0.005, metadata={"help": "end of a MoveAhead, m"})
-    tolerance_deg: float = field(default=0.5, metadata={"help": "end of a turn, deg"})
-    move_deadline: float = field(default=5.0, metadata={"help": "s"})
-    turn_deadline: float = field(default=4.0, metadata={"help": "s"})
-    stall_time: float = field(default=1.0, metadata={"help": "no progress for this long, s"})
-    latency: float = field(default=0.05, metadata={"help": "until a command takes effect, s"})
-    heading_gain: float = field(default=2.0, metadata={"help": "rad/s per rad while driving"})
-    hold_rate: float = field(default=0.5, metadata={"help": "most of the heading hold, rad/s"})
+    v_max: float = setting(0.20, "top speed, m/s", 0.01, 0.306, live=True)
+    v_min: float = setting(0.05, "creep speed, m/s", 0.01, 0.306)
+    a_lin: float = setting(0.5, "acceleration, m/s^2", 0.05, 0.9)
+    w_max: float = setting(1.0, "top turn rate, rad/s", 0.05, 1.9, live=True)
+    w_min: float = setting(0.1, "creep turn rate, rad/s", 0.05, 1.9)
+    a_ang: float = setting(2.0, "turn acceleration, rad/s^2", 0.1, 7.7)
+    tolerance_m: float = setting(0.005, "end of a MoveAhead, m", 0.001, 0.05)
+    tolerance_deg: float = setting(0.5, "end of a turn, deg", 0.1, 5.0)
+    move_deadline: float = setting(5.0, "s", 0.5, 60.0)
+    turn_deadline: float = setting(4.0, "s", 0.5, 60.0)
+    stall_time: float = setting(1.0, "no progress for this long, s", 0.2, 10.0)
+    latency: float = setting(0.05, "until a command takes effect, s", 0.0, 1.0)
+    heading_gain: float = setting(2.0, "rad/s per rad while driving", 0.0, 10.0)
+    hold_rate: float = setting(0.5, "most of the heading hold, rad/s", 0.0, 1.9)
 
     def __post_init__(self) -> None:
         for low, high in (("v_min", "v_max"), ("w_min", "w_max")):

@@ -64,7 +64,7 @@ class PolicyNode(Node):
 
     def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
-        settings = self._settings = declare(self, PolicyParameters)
+        settings = self._settings = declare(self, PolicyParameters, self._adopt)
         # Only what was asked for is passed on: "onnx" is every version's default.
         backend = {"backend": settings.backend} if settings.backend != "onnx" else {}
         self._policy = Policy.load(settings.bundle or None, **backend)
@@ -118,6 +118,10 @@ class PolicyNode(Node):
         )
 
     # Goals
+
+    def _adopt(self, settings: PolicyParameters) -> None:
+        """Take changed parameters for the next episode; what runs keeps those it began with."""
+        self._settings = settings
 
     def _begin(self, goal: Goal) -> None:
         limits = self._settings.episode

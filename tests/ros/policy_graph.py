@@ -56,7 +56,7 @@ class Robot:
         self.encoding, self.silent, self.count = "bgr8", set(), 0
         self.lock_step, self.free, self.newest = lock_step, True, {}
         self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
-        self.commands, self.pictures, self.feedback = [], {}, []
+        self.commands, self.pictures, self.feedback, self.frames = [], {}, [], set()
         self.decisions, self.statuses = [], []
         self._make_topics(velocity)
         self.client = ActionClient(self.node, NavigateToObject, "navigate_to_object")
@@ -99,7 +99,10 @@ class Robot:
         node.create_timer(0.002 if self.lock_step else PERIOD_S, self._step)
 
     def _on_velocity(self, message):
-        twist = message.twist if isinstance(message, TwistStamped) else message
+        twist = message
+        if isinstance(message, TwistStamped):
+            twist = message.twist
+            self.frames.add(message.header.frame_id)
         self.v, self.w = twist.linear.x, twist.angular.z
         self.commands.append((time.monotonic(), self.v, self.w))
 
@@ -213,8 +216,8 @@ class Robot:
         rclpy.shutdown(context=self.context)
 
 
-def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node")):
-    command = [sys.executable, *program, "--ros-args"]
+def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node"), remap=""):
+    command = [sys.executable, *program, "--ros-args", *(["-r", remap] if remap else [])]
     for parameter in parameters:
         command += ["-p", parameter]
     env = {
@@ -232,11 +235,13 @@ def policy_graph(folder, domain):
     """Starts a robot and a policy node; afterwards the node must have been well or be ended."""
     started = []
 
-    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), **robot):
+    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), remap="", **robot):
         log = folder / "log"
         robot = Robot(domain, **robot)
         started.append(robot)
-        process = start_node(domain, log, f"bundle:={bundle}", *parameters, program=program)
+        process = start_node(
+            domain, log, f"bundle:={bundle}", *parameters, program=program, remap=remap
+        )
         started.append(process)
         return robot, process, log
 

@@ -72,6 +72,12 @@ def test_a_robot_with_another_clock_is_told_as_such(offset, side):
     )
 
 
+def test_simulated_against_system_time_is_told_as_such():
+    given = dataclasses.replace(inputs(), arrived=dict.fromkeys(NAMES, 1.7e9))
+    sentence = unusable(1.7e9, given, AgeLimits())
+    assert sentence.endswith("use_sim_time must be true where /clock is published, and only there.")
+
+
 def test_one_late_input_among_others_is_no_other_clock():
     assert "clocks of robot" not in judge(inputs(frame=12.3))
     assert "clocks of robot" not in judge(inputs(frame=12.3, odometry=3.0))

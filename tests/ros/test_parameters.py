@@ -9,8 +9,14 @@ pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-from cfnav_ros.parameters import LidarParameters, PolicyParameters, declare  # noqa: E402
+from cfnav_ros.parameters import (  # noqa: E402
+    OF_RCLPY,
+    LidarParameters,
+    PolicyParameters,
+    declare,
+)
 from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,77 @@ def test_the_shipped_files_fit_both_nodes(read, name, node, kind):
         assert values.allow_robot is (name == "turtlebot4.yaml")
     else:
         assert values.disc.mount_yaw_deg == 90.0
+
+
+@dataclass(frozen=True)
+class Ranged:
+    share: float = field(
+        default=0.5, metadata={"help": "a part", "min": 0.0, "max": 1.0, "live": True}
+    )
+    steps: int = field(default=3, metadata={"min": 1})
+    most: float = field(default=3.0, metadata={"max": 9.0})
+
+    def __post_init__(self):
+        if self.share == 0.25:
+            raise ValueError("share is 0.25, expected another.")
+
+
+def test_ranges_are_described_and_held(read):
+    values, node = read(Ranged, "-p", "steps:=7")
+    assert values == Ranged(steps=7)
+    (share,) = node.describe_parameter("share").floating_point_range
+    assert (share.from_value, share.to_value) == (0.0, 1.0)
+    (steps,) = node.describe_parameter("steps").integer_range
+    assert (steps.from_value, steps.to_value) == (1, 2**31 - 1)
+    assert node.describe_parameter("steps").read_only
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ("share:=1.5", "share is 1.5, expected 0 to 1."),
+        ("share:=.nan", "share is nan, expected 0 to 1."),
+        ("steps:=0", "steps is 0, expected at least 1."),
+        ("most:=9.5", "most is 9.5, expected at most 9."),
+    ],
+)
+def test_values_out_of_range_give_one_sentence(read, given, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        read(Ranged, "-p", given)
+
+
+def test_live_parameters_can_be_changed_and_others_not():
+    context, heard = rclpy.Context(), []
+    rclpy.init(args=[], context=context)
+    node = Node("a_node", context=context, automatically_declare_parameters_from_overrides=True)
+    declare(node, Ranged, heard.append)
+
+    def change(**given):
+        return node.set_parameters([Parameter(name, value=v) for name, v in given.items()])[0]
+
+    assert change(share=0.75).successful
+    assert change(share=1).successful  # a whole number will do
+    assert heard == [Ranged(share=0.75), Ranged(share=1.0)]
+    for given, reason in (
+        ({"share": 0.25}, "share is 0.25, expected another."),
+        ({"share": "x"}, "share is 'x', expected float, such as 0.5."),
+    ):
+        refused = change(**given)
+        assert (refused.successful, refused.reason) == (False, reason)
+    assert not change(share=2.0).successful
+    assert not change(steps=4).successful
+    assert len(heard) == 2
+    assert node.get_parameter("share").value == 1
+    node.destroy_node()
+    context.shutdown()
+
+
+@pytest.mark.parametrize("kind", [PolicyParameters, LidarParameters])
+def test_defaults_lie_within_their_ranges_and_every_field_has_help(read, kind):
+    values, node = read(kind)
+    assert values == kind()
+    names = [name for name in node.get_parameters_by_prefix("") if name not in OF_RCLPY]
+    assert all(node.describe_parameter(name).description for name in names)
 
 
 def test_bad_choices_are_refused():
