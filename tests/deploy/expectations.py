@@ -22,6 +22,7 @@ from cfnav_ros.clock_watch import GRACE_S
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.mounting import SEEN_THROUGH
 from sim_bridge.base import BaseLimits
+from sim_bridge.own_motions import BACK_OFF_M, BACK_OFF_SPEED
 from sim_bridge.rplidar import SCAN_PERIOD
 
 
@@ -66,6 +67,9 @@ BRAKING_S = {phase: v / _BASE.wheel_acceleration for phase, v in _TOP_WHEEL_SPEE
 BRAKING_S[WAITING] = BRAKING_S[DRIVING]  # a MoveAhead may begin before the limit has passed
 """From the executor's top speed to rest, s: 0.222 driving, 0.129 turning."""
 
+REFLEX_S = BACK_OFF_M[1] / -BACK_OFF_SPEED + 2 * -BACK_OFF_SPEED / _BASE.wheel_acceleration
+"""How long the base backs off by itself from what it has bumped into, s; it heeds nobody then."""
+
 LIMITS_S = {
     "odometry": _EPISODE.ages.odometry,
     "estimate": _EPISODE.ages.estimate,
@@ -82,15 +86,15 @@ LIMITS_S = {
     "clock": GRACE_S + 0.1,
     "base check": 0.5,
     "base": _BASE.command_timeout,
-    "bumper": 2 * 0.05,
+    "bumper": 2 * 0.05 + REFLEX_S,
     "request": 0.1,
 }
 """Detection limits, s: ages, stall and tilt from the episode's limits; a scan's age from the LiDAR
 node, with the period of its look at silence; a blind scan is told by the second one; a payload is
 frozen after a second, told when the next comes under a new stamp; a wrong mounting after as many
 scans as the self-check wants; a look at the graph each second; the clock's grace and the period of
-its watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the bumper; a
-signal or a request is seen at the executor's next turn."""
+its watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the bumper and
+the base's reflex; a signal or a request is seen at the executor's next turn."""
 
 
 @dataclass(frozen=True)

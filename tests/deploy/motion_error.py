@@ -52,7 +52,7 @@ class MotionConfig:
 
 
 def draw_actions(rng: np.random.Generator, reach: float) -> list[Action]:
-    """Draw motions, half of them MoveAheads, that stay within ``reach`` metres of the start."""
+    """Draw motions that stay within ``reach`` metres of the start; half of the draws MoveAheads."""
     x = y = yaw = 0.0
     actions: list[Action] = []
     while len(actions) < PER_GOAL:
