@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 
 import numpy as np
@@ -19,7 +20,7 @@ from cfnav_ros.velocity import CHECK_S  # noqa: E402
 from sim_bridge.faults import FAULTS  # noqa: E402
 
 from cfnav_core.actions import Action  # noqa: E402
-from tests.deploy import bench, fault_matrix, matrix_report, motion_error  # noqa: E402
+from tests.deploy import bench, fault_matrix, matrix_report, motion_error, usage  # noqa: E402
 from tests.deploy.expectations import (  # noqa: E402
     CONTROL_S,
     EXPECTATIONS,
@@ -201,6 +202,23 @@ def test_a_part_that_does_not_exist_is_told():
     assert bench.chosen(" motion, usage") == ["motion", "usage"]
     with pytest.raises(GraphError, match="--only names 'faults', expected parts of matrix"):
         bench.chosen("faults")
+
+
+def test_memory_and_cpu_of_a_process_are_read_and_growth_is_told():
+    me = {"me": os.getpid()}
+    share = usage.cpu_share(me, lambda: sum(range(3_000_000)))
+    assert 0.2 < share["me"] < 3.0
+    memory = usage.Memory(me, lambda: 0.0)
+    memory.times_s = [36.0 * k for k in range(100)]
+    memory.rss_mb = {"me": [200.0 + max(k - 20, 0) for k in range(100)]}
+    assert memory.slopes()["me"] == pytest.approx(100.0)  # 1 MB in 36 s, the warm-up left out
+
+
+def test_parts_that_were_measured_before_stay_on_the_page():
+    about = {"command": "c", "commit": "1234567", "load_before": 0.1, "load_after": 2.0, "cores": 2}
+    found = {"motion_error": {"forward_cm": {"mean": 0.25}}, "measured": {"motion": about}}
+    page = bench.page(found)
+    assert "| motion_error | forward_cm mean 0.25 | `c` | 1234567 | 0.1 to 2.0, 2 cores |" in page
 
 
 # The real thing
