@@ -38,8 +38,6 @@ CAMERA_PERIOD = 1.0 / 15.0
 STATE_PERIOD = 1.0 / 20.0
 """Also of the wheels' status, which a base sends at 62.5 Hz: nobody reads it faster than odometry,
 and each message costs a Python node that listens."""
-IMU_PERIOD = 1.0 / 31.0
-"""What comes through the relay of the base's 100 Hz (turtlebot4_diagnostics expects 30 to 35)."""
 DOCK_PERIOD, BATTERY_PERIOD = 1.0, 10.0
 """The battery as in create3_sim; the dock's status also at every change."""
 MAP_RESOLUTION = 0.02
@@ -84,7 +82,6 @@ class Broadcast:
         self._schedule = (
             Every(STATE_PERIOD, self._state),
             Every(CAMERA_PERIOD, self._picture),
-            Every(IMU_PERIOD, self._imu),
             Every(DOCK_PERIOD, self._dock),
             Every(BATTERY_PERIOD, self._battery),
         )
@@ -107,10 +104,14 @@ class Broadcast:
     def publish(self, collision_began: bool) -> None:
         """Publish what is due, the time first so that no stamp lies in a receiver's future.
 
-        A message on /clock every step would cost each Python node that listens a sixth of a core.
+        A message on /clock every step would cost each Python node that listens a sixth of a core;
+        so messages that come late are no reason for one, and the gyroscope speaks when odometry or
+        camera do: 30 times a second (turtlebot4_diagnostics expects 30 to 35 through the relay).
         """
         t = self._simulator.time
         due = [every.action for every in self._schedule if every.due(t)]
+        if self._state in due or self._picture in due:
+            due.append(self._imu)
         if self._turn.complete(t, self._simulator.world.pose):
             due.append(self._scan)
         if collision_began and self._state not in due:
@@ -118,8 +119,7 @@ class Broadcast:
         if self._docked != self._simulator.docked:
             self._docked = self._simulator.docked
             due.append(self._dock)
-        ticks = CLOCK in self._robot.out and self._clock.stopped_at is None
-        if ticks and (due or self.outbox.due(t)):
+        if due and CLOCK in self._robot.out and self._clock.stopped_at is None:
             self._send(CLOCK, Clock(clock=to_msg.stamp(self._now)))
         for action in due:
             action()

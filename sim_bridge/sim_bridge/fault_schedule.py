@@ -111,11 +111,12 @@ class FaultSchedule:
         self._waiting = list(orders)
         self._active: dict[str, _Active] = {}
         self._mended: list[str] = []
+        self._rng = np.random.default_rng()
         self.reseed(seed)
 
     def reseed(self, seed: int) -> None:
-        """Draw anew from a seed."""
-        self._rng = np.random.default_rng([seed, 1])
+        """Draw anew from a seed, faults that hold included."""
+        self._rng.bit_generator.state = np.random.default_rng([seed, 1]).bit_generator.state
 
     @property
     def active(self) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""A mock that starts on its dock, on system time and in a namespace: as one robot of several."""
+"""A mock that starts on its dock, on system time."""
 
 from __future__ import annotations
 

@@ -175,6 +175,13 @@ def test_share_of_lost_commands_repeats_itself_for_a_seed():
         return [schedule.pass_on("cmd_vel", (0.1, 0.0), 0.0)[0] is not None for _ in range(4000)]
 
     assert kept(1) == kept(1) != kept(2)
+    schedule = FaultSchedule([Order("cmd_loss_30")], 5)
+    schedule.update(0.0, REST)
+    rows = []
+    for _ in range(2):
+        schedule.reseed(1)
+        rows.append([schedule.pass_on("cmd_vel", 1, 0.0)[0] for _ in range(50)])
+    assert rows[0] == rows[1]
     assert sum(kept(1)) / 4000 == pytest.approx(0.7, abs=0.03)
 
 
