@@ -266,10 +266,10 @@ def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
     middle, width = wrap(gaps[:, 0] - math.pi * back), gaps[:, 1]
     if half >= math.pi:  # all round: nothing to cut off
         return np.stack([middle - width / 2, middle + width / 2], axis=1)
-    # A wide gap may reach into the sector from either side.
-    middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
-    width = np.tile(width, 3) / 2
-    begin, end = np.maximum(middle - width, -half), np.minimum(middle + width, half)
+    if width.max(initial=0.0) > math.pi:  # it may reach into the sector from the other side
+        middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
+        width = np.tile(width, 3)
+    begin, end = np.maximum(middle - width / 2, -half), np.minimum(middle + width / 2, half)
     inside = end > begin
     return np.stack([begin[inside], end[inside]], axis=1)
 

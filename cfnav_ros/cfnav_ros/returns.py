@@ -175,10 +175,10 @@ def look(
 ) -> View:
     """See a well-formed scan from base_link.
 
-    The middle of three returns on one surface is averaged with its neighbours (1, 2, 1), because
-    the nearest of many noisy returns is always too near. Where a surface ends, it reaches half a
-    return beyond the last one: its true border lies somewhere before the next beam. A lone return
-    close by that the scan before had not is left out.
+    The middle of three returns on one surface is averaged with its neighbours (1, 2, 1): the
+    nearest of many noisy returns is always too near. A surface reaches half a return beyond its
+    last one: its border lies somewhere before the next beam. A lone return close by that the scan
+    before had not is left out.
 
     Args:
         scan: its fields make sense (``malformed``).
@@ -204,26 +204,32 @@ def look(
     begins, ends = ~np.append(False, surface), ~np.append(surface, False)
 
     step = abs(scan.angle_increment)
-    lone = begins & ends & ((last - first + 1) * step <= math.radians(LONE_DEG))
-    suspects = np.flatnonzero(good & lone & (value < LONE_M))
-    ghosts = [k for k in suspects if not _again(before, ranges.size, first[k], value[k], step)]
+    narrow = (last - first + 1) * step <= math.radians(LONE_DEG)
+    lone = np.flatnonzero(good & begins & ends & narrow & (value < LONE_M))
+    ghosts = [k for k in lone if not _again(before, ranges.size, first[k], value[k], step)]
     good[ghosts] = False
 
     met = good | near
     begins, ends = begins & met, ends & met
     index = np.concatenate([(first[met] + last[met]) / 2, first[begins] - 0.5, last[ends] + 0.5])
     distance = np.concatenate([value[met], value[begins], value[ends]])
-    angle = mount.bearings(scan.angle_min + index * scan.angle_increment)
-    points = np.stack(
-        [mount.x + distance * np.cos(angle), mount.y + distance * np.sin(angle)], axis=1
-    )
+    angle, points = _places(index, distance, scan, mount)
     known = np.repeat(good, last - first + 1)
-    returns = angle[: int(met.sum())]
+    returns = angle[: np.count_nonzero(met)]
     unknown, unlooked = (_gaps(seen, scan, mount) for seen in (known, known | masked))
     return View(
         mount, bearing, known, masked, step, points, distance, returns, unknown, unlooked,
         len(ghosts),
     )  # fmt: skip
+
+
+def _places(
+    index: np.ndarray, distance: np.ndarray, scan: Scan, mount: Mount
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bearings (radians) and places (float64 [P, 2], metres) of returns at fractional beams."""
+    angle = mount.bearings(scan.angle_min + index * scan.angle_increment)
+    x, y = mount.x + distance * np.cos(angle), mount.y + distance * np.sin(angle)
+    return angle, np.stack([x, y], axis=1)
 
 
 def _gaps(seen: np.ndarray, scan: Scan, mount: Mount) -> np.ndarray:

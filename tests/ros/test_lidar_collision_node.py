@@ -36,6 +36,14 @@ def room_scan(ahead=2.5):
     return behind_posts(scan_of(wall_ahead(ahead)))
 
 
+RNG = np.random.default_rng(0)
+
+
+def live():
+    """The room again, with other errors: ranges that stay the same are no sight."""
+    return noisy(room_scan(), RNG)
+
+
 class Lidar:
     """Sends scans and keeps the estimates, from another node in the domain."""
 
@@ -150,7 +158,7 @@ def test_the_node(graph):
     assert all(m.verdict == CollisionEstimate.BLIND for m in lidar.heard)
     assert all("s old." in m.reason for m in lidar.heard)
     assert np.median(np.diff(stamps)) == pytest.approx(0.1, abs=0.05)
-    assert lidar.ask(room_scan()).verdict == CollisionEstimate.GOOD
+    assert lidar.ask(live()).verdict == CollisionEstimate.GOOD
 
     process.send_signal(signal.SIGINT)
     assert process.wait(DEADLINE_S) == 0
@@ -172,14 +180,6 @@ def test_a_bad_parameter_gives_one_sentence_and_exit_code_2(
     lines = (tmp_path / "log").read_text().strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith(f"lidar_collision_node: {sentence}")
-
-
-RNG = np.random.default_rng(0)
-
-
-def live():
-    """The room again, with other errors: ranges that stay the same are no sight."""
-    return noisy(room_scan(), RNG)
 
 
 def blind(lidar, because):
