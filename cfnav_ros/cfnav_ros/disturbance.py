@@ -14,9 +14,9 @@ from cfnav_ros.motion import Odometry, wrap
 SLIP_WINDOW_S = 0.35
 """Looked back over: seven samples of a Create 3, so one late sample does not matter."""
 
-SLIP_M, SLIP_RAD = 0.03, math.radians(8.0)
-"""Motion that the twist must promise within the window before the pose is held against it: half of
-what top speed gives, and far above noise."""
+SLIP_M, SLIP_RAD = 0.02, math.radians(4.0)
+"""Motion that the twist must promise within the window before the pose is held against it: what
+0.06 m/s or 0.2 rad/s give, more than creeping."""
 
 SLIP_SHARE = 0.2
 """Share of the promised motion below which the pose stands."""

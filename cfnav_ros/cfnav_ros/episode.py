@@ -14,7 +14,7 @@ from math import radians
 from typing import TYPE_CHECKING
 
 from cfnav_core.actions import HORIZONS_RAD, Action
-from cfnav_ros.disturbance import Standing
+from cfnav_ros.conduct import Conduct
 from cfnav_ros.inputs import NEVER, Inputs, seconds
 from cfnav_ros.lidar import Verdict
 from cfnav_ros.limits import EpisodeLimits
@@ -61,13 +61,6 @@ class Output:
 REST_TIMEOUT_S = 2.0
 """A robot that still moves this long after the end is reported as it is."""
 
-PRESSED_S = 0.3
-"""A front bumper reported within this time is still pressed (reports come at 20 Hz or more)."""
-
-REFLEX_S = 2.0
-"""A base that moves by itself so soon after a bump backs off by reflex (create3_sim: at most 0.15 m
-at 0.14 m/s); nobody pushes it."""
-
 
 class Episode:
     """Drives one goal; ``update`` at the velocity rate until ``ended``."""
@@ -92,17 +85,14 @@ class Episode:
         self.goal = goal
         self.phase = Phase.PREFLIGHT
         self.outcome, self.message = "", ""
-        self.steps, self.vetoes, self.pushes = 0, 0, 0
+        self.steps, self.vetoes = 0, 0
         self.decision: Decision | None = None
-        self.track = Track()
         self._policy, self._submit = policy, submit
         self._limits, self._time_limit = limits, time_limit
         self._begun = NEVER
-        self._t = self._since = self._still_from = 0.0
+        self._t = self._since = 0.0
         self._watch = Watch(limits)
-        self._standing = Standing()
-        self._displaced = False
-        self._failed_motions = self._stalls = 0
+        self._conduct = Conduct(limits)
         self._origin = 0.0
         self._level = 0
         self._motion: Motion | None = None
@@ -114,6 +104,16 @@ class Episode:
         """Whether the outcome stands and the robot was told to stop for long enough."""
         return self.phase is Phase.ENDED
 
+    @property
+    def track(self) -> Track:
+        """What the robot did so far."""
+        return self._conduct.track
+
+    @property
+    def pushes(self) -> int:
+        """How often the base moved by itself."""
+        return self._conduct.pushes
+
     def finish(self, outcome: str, message: str) -> None:
         """End the episode: stop first, unless it never got to drive. The first call counts."""
         if self.outcome:
@@ -123,8 +123,12 @@ class Episode:
         self._since = self._t
 
     def fail(self, message: str) -> None:
-        """End the episode because it cannot go on: refused before it drove, aborted after."""
-        self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
+        """End the episode because it cannot go on: refused before it drove, aborted after.
+
+        An empty message is no reason to.
+        """
+        if message:
+            self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
 
     def update(self, t: float, inputs: Inputs) -> Output:
         """Advance to node time t (seconds) with the newest inputs.
@@ -137,9 +141,9 @@ class Episode:
         if self.ended:
             return Output()
         self._check_clock(t)
-        self._check_base(inputs)
+        self.fail(self._watch.forbids(inputs))
         if self.phase is not Phase.PREFLIGHT:
-            self._follow(t, inputs)
+            self.fail(self._conduct.follow(t, inputs, self._motion))
         stands = self._check_inputs(t, inputs)
         if self._time_limit and t - self._begun > self._time_limit:
             self.finish("time_limit", f"{self._time_limit:g} s have passed.")
@@ -167,39 +171,6 @@ class Episode:
             self.fail("Node time jumped back.")
             self._since = t
 
-    def _check_base(self, inputs: Inputs) -> None:
-        fault = self._watch.forbids(inputs)
-        if fault:
-            self.fail(fault)
-
-    def _follow(self, t: float, inputs: Inputs) -> None:
-        """Take account of odometry, bumps, and motion that nobody commanded."""
-        motion, sample = self._motion, inputs.odometry
-        bumped = self.track.bump(inputs.bumped_at) or t - inputs.front_bumped_at < PRESSED_S
-        if motion and bumped:
-            motion.bump()
-        if not self.track.odometry(sample):
-            self.fail("Odometry jumped: its pose was reset, or the robot was moved.")
-        slip = self.track.slip.complaint()
-        if motion:
-            self._standing.release()
-            if slip:
-                motion.block(slip, Status.STALLED)
-        elif self._standing.moved(sample, self.track.still_since is not None):
-            self._pushed(t, inputs)
-
-    def _pushed(self, t: float, inputs: Inputs) -> None:
-        """The base moved by itself: what was seen before is of another place."""
-        self._still_from, self._displaced = t, True
-        if t - inputs.bumped_at <= REFLEX_S:
-            return
-        self.pushes += 1
-        if self.pushes >= self._limits.max_pushes:
-            self.fail(
-                f"The base moved by itself {self.pushes} times: a reflex of its own, or somebody "
-                "pushes it."
-            )
-
     def _check_inputs(self, t: float, inputs: Inputs) -> bool:
         """Whether the robot must stand because of an input; ends the episode when that lasts."""
         limits, watch = self._limits, self._watch
@@ -211,8 +182,7 @@ class Episode:
             late = t - self._begun > limits.preflight_timeout
             reason = complaint or watch.blindness(inputs) or "The policy is still busy."
             given_up = inputs.picture.fault or (reason if late else "")
-        if given_up:
-            self.fail(given_up)
+        self.fail(given_up)
         return bool(complaint)
 
     # Phases: each is one state of the machine
@@ -232,9 +202,8 @@ class Episode:
             return Output()
         self._answer = None
         self._watch.drive(inputs)
-        self.track = Track(inputs.bumped_at)
+        self._conduct.start(t, inputs)
         self._origin = inputs.odometry.yaw
-        self._still_from = t
         return self._tilt_to(0, t)
 
     def _refusal(self, inputs: Inputs) -> str:
@@ -265,7 +234,7 @@ class Episode:
         since = self.track.still_since
         if since is None:
             return False
-        since = max(since, self._still_from)
+        since = max(since, self._conduct.stands_from)
         seen = seconds(inputs.frame.stamp_ns) >= since + self._limits.settle
         scanned = not self._limits.lidar or seconds(inputs.estimate.stamp_ns) >= since
         return seen and scanned and inputs.frame.stamp_ns > self._observed.frame.stamp_ns
@@ -277,14 +246,15 @@ class Episode:
             self.fail(str(error))
             return
         probability = inputs.estimate.estimate.probability if self._limits.lidar else None
-        self._observed, self._displaced = inputs, False
+        self._observed = inputs
+        self._conduct.look()
         self._answer = self._submit(self._policy.act, rgb, probability)
         self._enter(Phase.THINK, t)
 
     def _think(self, t: float, inputs: Inputs) -> Output:
         answer, seen = self._answer, self._observed
         assert answer is not None
-        moving = self._displaced and self.track.still_since is None
+        moving = self._conduct.displaced and not self._conduct.rests()
         if not answer.done() or moving:
             if t - self._since > self._limits.think_timeout:
                 self.fail(
@@ -311,7 +281,7 @@ class Episode:
         limits = self._limits
         watched = limits.veto and limits.lidar
         taken = watched and seen.estimate.estimate.probability >= limits.veto_probability
-        return taken or self._displaced
+        return taken or self._conduct.displaced
 
     def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
         if action is Action.Done:
@@ -333,7 +303,7 @@ class Episode:
         target = HORIZONS_RAD[self._level]
         reached = abs(inputs.tilt.angle - target) <= radians(self._limits.tilt_tolerance_deg)
         if reached and inputs.tilt.stamp > self._since:
-            self._still_from = t
+            self._conduct.stands_from = t
             self._enter(Phase.OBSERVE, t)
         elif t - self._since > self._limits.tilt_timeout:
             self.fail(f"The camera stays at {inputs.tilt.angle:.2f} rad.")
@@ -346,25 +316,10 @@ class Episode:
         command, status = motion.update(t, inputs.odometry)
         if status is Status.DRIVING:
             return Output(command)
-        if status is Status.ODOM_JUMP:
-            self.fail(motion.reason)
-            return Output()
         self._motion = None
-        self._still_from = t
         self._enter(Phase.OBSERVE, t)
-        self._count(status, motion.reason)
-        if status is Status.PUSHED:
-            self._pushed(t, inputs)
+        self.fail(self._conduct.end_motion(t, inputs, motion, status))
         return Output()
-
-    def _count(self, status: Status, reason: str) -> None:
-        """Keep account of motions that failed in a row, and give up on too many."""
-        limits = self._limits
-        self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
-        self._stalls = self._stalls + 1 if status is Status.STALLED else 0
-        stuck = self._stalls >= limits.max_stalls
-        if stuck or self._failed_motions >= limits.max_failed_motions:
-            self.fail(f"{self._stalls if stuck else self._failed_motions} motions failed: {reason}")
 
     def _guard(self, motion: Motion, inputs: Inputs) -> None:
         """Stop a MoveAhead when a scan taken on the way sees less room than the way still needs."""
@@ -379,7 +334,7 @@ class Episode:
 
     def _stopping(self, t: float) -> Output:
         waited = t - self._since
-        resting = self.track.still_since is not None
+        resting = self._conduct.rests()
         if waited >= self._limits.stop_time and (resting or waited >= REST_TIMEOUT_S):
             self._enter(Phase.ENDED, t)
         return Output()

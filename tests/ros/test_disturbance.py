@@ -20,7 +20,7 @@ def drive(slip, v=0.0, w=0.0, share=1.0, samples=20, start=0.0):
     return sentences
 
 
-@pytest.mark.parametrize(("v", "w"), [(0.2, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.0, -1.0)])
+@pytest.mark.parametrize(("v", "w"), [(0.2, 0.0), (-0.2, 0.0), (0.1, 0.0), (0.0, 1.0), (0.0, -0.3)])
 def test_a_pose_that_stands_while_the_twist_moves_is_told_within_the_window(v, w):
     sentences = drive(Slip(), v, w, share=0.0)
     first = next(k for k, sentence in enumerate(sentences) if sentence)
