@@ -10,8 +10,8 @@ import os
 import random
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -69,7 +69,8 @@ class GraphConfig:
         veto: whether the LiDAR may forbid a MoveAhead.
         domain: ROS domain; None draws a free one.
         bag: where everything is recorded; None records nothing.
-        parameters: further ROS parameters of each executable, such as ``noise:=0.0``.
+        lock_step: the simulator waits for the policy at every moment, so that an episode repeats
+            itself; no measure of reaction times.
     """
 
     room: str
@@ -79,7 +80,7 @@ class GraphConfig:
     veto: bool = True
     domain: int | None = None
     bag: Path | None = None
-    parameters: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    lock_step: bool = False
 
 
 @dataclass(frozen=True)
@@ -291,18 +292,18 @@ class Graph:
         config = self.config
         self.config.logs.mkdir(parents=True, exist_ok=True)
         sim_time = ["-p", "use_sim_time:=true"]
-        policy = ["-p", f"episode.veto:={str(config.veto).lower()}"]
+        lock_step = ["-p", f"lock_step:={str(config.lock_step).lower()}"]
+        policy = [*lock_step, "-p", f"episode.veto:={str(config.veto).lower()}"]
         if config.bundle is not None:
             policy += ["-p", f"bundle:={config.bundle.resolve()}"]
         nodes = (
             ("sim_bridge", "mock_turtlebot4", [
-                "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}"]),
+                "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}", *lock_step]),
             ("cfnav_ros", "lidar_collision_node", sim_time),
             ("cfnav_ros", "policy_node", [*sim_time, *policy]),
         )  # fmt: skip
         for package, executable, parameters in nodes:
-            more = [part for p in config.parameters.get(executable, ()) for part in ("-p", p)]
-            command = [*node_command(package, executable), "--ros-args", *parameters, *more]
+            command = [*node_command(package, executable), "--ros-args", *parameters]
             log = config.logs / f"{executable}.log"
             self.children[executable] = Child(executable, command, log, os.environ)
 
