@@ -41,6 +41,7 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "as_expected": all(row["as_expected"] for row in made),
             "runs_as_expected": sum(row["as_expected"] for row in made),
             "contacts": sum(row["contacts"] for row in made),
+            "commits": sorted({row["commit"] for row in made}),
             "message": next((row["message"] for row in made if row["message"]), ""),
         })  # fmt: skip
     return cells
@@ -51,7 +52,8 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
     met = sum(cell["as_expected"] for cell in cells)
     lines = [
         f"{met} of {len(cells)} cells as expected, {sum(c['runs'] for c in cells)} runs, "
-        f"{sum(c['contacts'] for c in cells)} contacts.",
+        f"{sum(c['contacts'] for c in cells)} contacts, at commit "
+        f"{', '.join(sorted({name for c in cells for name in c['commits']}))}.",
         "",
         "| fault | phase | expected | found | rest min / median / max, bound (s) | as expected |",
         "|---|---|---|---|---|---|",

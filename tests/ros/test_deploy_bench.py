@@ -167,7 +167,13 @@ def test_runs_that_are_written_are_not_made_again():
 
 
 def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
-    row = {"fault": "odom_silent", "phase": "driving", "contacts": 0, "message": "Odometry."}
+    row = {
+        "fault": "odom_silent",
+        "phase": "driving",
+        "contacts": 0,
+        "message": "",
+        "commit": "ab1",
+    }
     rows = [
         {**row, "reaction": "stop", "stop_s": s, "as_expected": s < 0.5} for s in (0.4, 0.45, 0.6)
     ]
@@ -177,7 +183,7 @@ def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
     )  # fmt: skip
     assert (summary["as_expected"], summary["runs_as_expected"]) == (False, 2)
     text = matrix_report.table([summary])
-    assert text.startswith("0 of 1 cells as expected, 3 runs, 0 contacts.")
+    assert text.startswith("0 of 1 cells as expected, 3 runs, 0 contacts, at commit ab1.")
     matrix_report.draw([summary], tmp_path / "matrix.png")
     assert (tmp_path / "matrix.png").stat().st_size > 5000
 
