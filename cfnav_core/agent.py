@@ -37,6 +37,14 @@ class Agent:
         held = {id(p) for p in policy}
         return policy, [p for p in self.predictor.parameters() if id(p) not in held]
 
+    def tensors(self, knowledge: Knowledge) -> dict[str, torch.Tensor]:
+        """What a checkpoint keeps of it, with the knowledge that it was made with."""
+        named = {f"model.{k}": v for k, v in self.model.state_dict().items()}
+        named |= {f"predictor.{k}": v for k, v in self.predictor.state_dict().items()}
+        return named | {
+            f"knowledge.{k}": torch.from_numpy(v) for k, v in knowledge.arrays().items()
+        }
+
 
 def new_agent(
     config: RunConfig, inputs: Inputs, knowledge: Knowledge, device: torch.device | str = "cpu"

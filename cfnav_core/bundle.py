@@ -1,6 +1,9 @@
-"""The exported bundle: a folder with ``bundle.json``, the networks as ONNX, and a model card.
+"""The exported bundle: a folder with ``bundle.json``, networks, their weights, and a model card.
 
-Nothing in it is executable; every file's SHA-256 stands in ``bundle.json``.
+The networks are ONNX files, which is all that a robot opens. ``weights.safetensors`` is the
+checkpoint that they were made from, without its optimizer's state: torch reads it, and the ONNX
+files of policy and predictor refer to it instead of holding the same numbers again. Nothing in a
+bundle is executable; every file's SHA-256 stands in ``bundle.json``.
 """
 
 from __future__ import annotations
@@ -11,8 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-SCHEMA = 2
+SCHEMA = 3
+READABLE = (2, SCHEMA)
+"""Schema 2 had no weights and did not say whether the model takes untrained goals."""
+
 NETWORKS = ("perception.onnx", "policy.onnx", "predictor.onnx")
+WEIGHTS = "weights.safetensors"
 
 
 class BundleError(ValueError):
@@ -34,9 +41,10 @@ class BundleHead:
         feeds_prediction: whether the policy reads p_hat; it gets zero otherwise.
         objects: what its perception looks for, in the order of its detections.
         goals: those of them that it was trained to find.
-        files: SHA-256 of each network file.
+        files: SHA-256 of each network file, and of the weights where the bundle has them.
         training: command, configuration, seed and commit it was made with.
         metrics: measured figures (see the model card); empty when none were measured.
+        zero_shot: whether it may be asked for any of its objects, see ``NavModel.zero_shot``.
     """
 
     name: str
@@ -47,6 +55,7 @@ class BundleHead:
     files: dict[str, str]
     training: dict[str, Any]
     metrics: dict[str, Any]
+    zero_shot: bool = False
 
     def save(self, folder: Path) -> None:
         """Write ``bundle.json``."""
@@ -69,11 +78,11 @@ class BundleHead:
             raise BundleError(
                 f"found no readable bundle in {folder} ({error}); {remedy}"
             ) from error
-        if schema != SCHEMA:
+        if schema not in READABLE:
             raise BundleError(
                 f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {remedy}"
             )
-        for name in NETWORKS:
+        for name in (*NETWORKS, WEIGHTS) if WEIGHTS in head.files else NETWORKS:
             path = folder / name
             found = file_hash(path) if path.is_file() else "nothing"
             if found != head.files.get(name):

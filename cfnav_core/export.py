@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
 
+import onnx
 import torch
+from onnx.external_data_helper import set_external_data
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
 from cfnav_core.agent import Agent, TrainedAgent
-from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
+from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleHead, file_hash
+from cfnav_core.checkpoint import load_tensors, save_tensors
 from cfnav_core.model_card import model_card
 from cfnav_core.models import Inputs, NavModel, Seen
 from cfnav_core.networks import SEEN
 from cfnav_core.perception import Perception
 from cfnav_core.vocabulary import ROOM_TYPES
 from cfnav_core.whole import whole, writing
+
+WEIGHTS_OF = ("model", "predictor", "knowledge")
+"""What of a checkpoint a bundle keeps."""
 
 TRAINING_FIELDS = (
     "config", "commit", "episodes", "steps", "perception", "train_rooms", "validation_rooms",
@@ -49,10 +56,11 @@ def export_bundle(
         partial.mkdir(parents=True)
         shutil.copyfile(perception, partial / "perception.onnx")
         export_networks(trained.agent, inputs, partial)
+        _export_weights(checkpoint, partial)
         bundle = BundleHead(
             name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
-            tuple(head["goals"]), {n: file_hash(partial / n) for n in NETWORKS},
-            {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
+            tuple(head["goals"]), {n: file_hash(partial / n) for n in (*NETWORKS, WEIGHTS)},
+            {k: head[k] for k in TRAINING_FIELDS}, metrics or {}, trained.agent.model.zero_shot,
         )  # fmt: skip
         bundle.save(partial)
         (partial / "MODEL_CARD.md").write_text(model_card(bundle))
@@ -100,3 +108,31 @@ def _export(
         opset_version=17, input_names=list(inputs), output_names=outputs,
         dynamic_axes={k: {0: "n"} for k in (*inputs, *outputs)},
     )  # fmt: skip
+
+
+def _export_weights(checkpoint: Path, folder: Path) -> None:
+    """Write the checkpoint without its optimizer's state, and let the networks refer to it."""
+    tensors, head = load_tensors(checkpoint)
+    kept = {k: v for k, v in tensors.items() if k.split(".")[0] in WEIGHTS_OF}
+    save_tensors(folder / WEIGHTS, kept, head)
+    # safetensors makes files that only their owner reads
+    shutil.copymode(folder / "policy.onnx", folder / WEIGHTS)
+    _refer(folder / "policy.onnx", folder / WEIGHTS, "")
+    _refer(folder / "predictor.onnx", folder / WEIGHTS, "predictor.")
+
+
+def _refer(network: Path, weights: Path, prefix: str) -> None:
+    """Replace the numbers of an ONNX file that stand in the weights too by their place there.
+
+    What the export folded into other numbers stays in the ONNX file.
+    """
+    content, graph = weights.read_bytes(), onnx.load(network)
+    # a safetensors file: length of the table of names, 8 bytes; the table; numbers as in memory
+    start = 8 + int.from_bytes(content[:8], "little")
+    places = json.loads(content[8:start])
+    for tensor in graph.graph.initializer:
+        first, last = places.get(prefix + tensor.name, {}).get("data_offsets", (0, 0))
+        if tensor.raw_data and tensor.raw_data == content[start + first : start + last]:
+            set_external_data(tensor, weights.name, start + first, last - first)
+            tensor.ClearField("raw_data")
+    network.write_bytes(graph.SerializeToString())

@@ -25,6 +25,7 @@ def model_card(head: BundleHead) -> str:
         f"An object-goal navigation policy (model `{title}`, method "
         f"`{head.method}`) for a robot with one RGB camera at 1.3 m, 90 degrees, that tilts 30 "
         "degrees down. Goals: " + ", ".join(head.goals) + ".",
+        *_other_goals(head),
         "",
         "## How it was made",
         "",
@@ -49,6 +50,17 @@ def model_card(head: BundleHead) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _other_goals(head: BundleHead) -> list[str]:
+    others = [name for name in head.objects if head.zero_shot and name not in head.goals]
+    if not others:
+        return []
+    return [
+        "",
+        f"It also takes goals that it was not trained to find: {', '.join(others)}. Which of them "
+        "it was measured on stands below.",
+    ]
 
 
 def _measured(head: BundleHead) -> list[str]:

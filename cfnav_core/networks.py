@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.bundle import BundleError, BundleHead
+from cfnav_core.bundle import WEIGHTS, BundleError, BundleHead
 from cfnav_core.onnx_session import open_session
 
 if TYPE_CHECKING:
     from cfnav_core.collision_predictor import CollisionPredictor
     from cfnav_core.models import NavModel
+
+Backend = Literal["onnx", "torch"]
 
 SEEN = ("features", "detections", "goal", "room", "previous_action", "collision_probability")
 """What a policy may read (``models.Seen``); whatever else policy.onnx takes is its memory."""
@@ -87,6 +89,20 @@ class Networks(Protocol):
         ...
 
 
+def open_networks(folder: Path, head: BundleHead, backend: Backend = "onnx") -> Networks:
+    """Policy and predictor of a bundle, which must have been checked by ``BundleHead.load``.
+
+    Raises:
+        BundleError: they do not load, or torch is asked for and something it needs is not there.
+        ValueError: another back end.
+    """
+    if backend == "onnx":
+        return OnnxNetworks(folder, head)
+    if backend == "torch":
+        return TorchNetworks.load(folder, head)
+    raise ValueError(f"found back end {backend!r}, expected onnx or torch")
+
+
 class OnnxNetworks:
     """The networks of a bundle, which must have been checked by ``BundleHead.load``.
 
@@ -97,8 +113,7 @@ class OnnxNetworks:
     def __init__(self, folder: Path, head: BundleHead, threads: int = 1) -> None:
         try:
             self._policy, self._predictor = (
-                open_session((folder / name).read_bytes(), threads)
-                for name in ("policy.onnx", "predictor.onnx")
+                open_session(folder / name, threads) for name in ("policy.onnx", "predictor.onnx")
             )
         except ValueError as error:
             raise BundleError(f"found networks in {folder} that do not load: {error}") from error
@@ -145,10 +160,36 @@ class OnnxNetworks:
 
 
 class TorchNetworks:
-    """The same over torch modules, for validation during training and for comparison."""
+    """The same over torch modules: in training's validation, and as the other back end."""
 
     def __init__(self, model: NavModel, predictor: CollisionPredictor, feeds: bool) -> None:
         self._model, self._predictor, self._feeds = model, predictor, feeds
+
+    @classmethod
+    def load(cls, folder: Path, head: BundleHead) -> TorchNetworks:
+        """The models themselves with the weights of a bundle, on the CPU.
+
+        Raises:
+            BundleError: the bundle has no weights that can be used, or torch is not installed.
+        """
+        if WEIGHTS not in head.files:
+            raise BundleError(
+                f"found no {WEIGHTS} in {folder}, which back end torch reads; export the bundle "
+                "again with cfnav export, or choose back end onnx"
+            )
+        try:
+            # a robot has no torch, so it is imported only where it was asked for
+            from cfnav_core.agent import TrainedAgent
+
+            trained = TrainedAgent.load(folder / WEIGHTS)
+        except ImportError as error:
+            raise BundleError(
+                f"found no {error.name}, which back end torch needs; install it with pip install "
+                "'cfnav[train]', or choose back end onnx"
+            ) from error
+        except ValueError as error:
+            raise BundleError(f"found weights in {folder} that do not load: {error}") from error
+        return cls(trained.agent.model, trained.agent.predictor, head.feeds_prediction)
 
     def zero_state(self, n: int) -> AgentState:
         """See ``Networks``."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import onnxruntime as ort
 from onnxruntime.capi import onnxruntime_pybind11_state as state
 
@@ -11,16 +13,17 @@ _ERRORS = (
     state.InvalidArgument,
     state.InvalidGraph,
     state.InvalidProtobuf,
+    state.NoSuchFile,
     state.NotImplemented,
     state.RuntimeException,
 )
 
 
-def open_session(content: bytes, threads: int = 1) -> ort.InferenceSession:
+def open_session(network: Path | bytes, threads: int = 1) -> ort.InferenceSession:
     """Open a network.
 
     Args:
-        content: bytes of the ONNX file.
+        network: the ONNX file, or its bytes when it refers to no other file.
         threads: of ONNX Runtime, within an operator.
 
     Raises:
@@ -31,6 +34,6 @@ def open_session(content: bytes, threads: int = 1) -> ort.InferenceSession:
     options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
-        return ort.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        return ort.InferenceSession(network, options, providers=["CPUExecutionProvider"])
     except _ERRORS as error:
         raise ValueError(str(error)) from error

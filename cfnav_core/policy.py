@@ -1,4 +1,10 @@
-"""``Policy``: all a robot needs. The same object answers in bags, in tests and on the robot."""
+"""``Policy``: all a robot needs. The same object answers in bags, in tests and on the robot.
+
+Back end onnx runs on ONNX Runtime alone. Back end torch runs the models themselves, as training
+and evaluation do. Perception is ONNX Runtime's in both: it made the features of the scenes that
+every policy was trained on, and they are rounded to float16, so that another's last digits could
+become other features.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +15,8 @@ import numpy as np
 
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
-from cfnav_core.networks import OnnxNetworks, Sight
+from cfnav_core.goals import refusal
+from cfnav_core.networks import Backend, Networks, Sight, open_networks
 from cfnav_core.perception import Perception, PerceptionError
 from cfnav_core.vocabulary import ROOM_TYPES
 
@@ -38,22 +45,33 @@ class Decision:
 
 
 class Policy:
-    """A bundle at work on one robot. Make it with ``Policy.load``."""
+    """A bundle at work on one robot. Make it with ``Policy.load``.
 
-    def __init__(self, head: BundleHead, perception: Perception, networks: OnnxNetworks) -> None:
+    Attributes:
+        name: of the bundle.
+        goals: objects that it was trained to find; ``admits`` knows whether it takes others.
+    """
+
+    def __init__(self, head: BundleHead, perception: Perception, networks: Networks) -> None:
         self.name = head.name
         self.goals = head.goals
+        self._head = head
         self._objects = head.objects
         self._perception, self._networks = perception, networks
         self._goal, self._room = -1, NO_ROOM
         self._state = networks.zero_state(1)
 
     @classmethod
-    def load(cls, bundle: Path | str | None = None) -> Policy:
+    def load(cls, bundle: Path | str | None = None, backend: Backend = "onnx") -> Policy:
         """Load a bundle, the shipped one when None.
 
+        Args:
+            bundle: its folder.
+            backend: what runs policy and predictor, see the module.
+
         Raises:
-            BundleError: missing, damaged or of another version.
+            BundleError: missing, damaged, of another version, or without what the back end needs.
+            ValueError: another back end.
         """
         folder = Path(bundle) if bundle else shipped_bundle()
         head = BundleHead.load(folder)
@@ -61,20 +79,28 @@ class Policy:
             perception = Perception(folder / "perception.onnx")
         except PerceptionError as error:
             raise BundleError(str(error)) from error
-        return cls(head, perception, OnnxNetworks(folder, head))
+        return cls(head, perception, open_networks(folder, head, backend))
+
+    def admits(self, goal: str) -> str:
+        """Why ``reset`` would refuse a goal, as one sentence; "" when it takes it.
+
+        It takes what it was trained to find and, when its model allows that, all else that its
+        perception detects; never a word for something that its perception cannot detect.
+        """
+        return refusal(goal, self._head)
 
     def reset(self, goal: str, room_type: str | None = None) -> None:
         """Begin an episode.
 
         Args:
-            goal: one of ``goals``.
+            goal: one that it ``admits``.
             room_type: one of ``ROOM_TYPES``; only models that look it up need it.
 
         Raises:
-            ValueError: unknown goal or room type.
+            ValueError: a goal or room type that it does not take.
         """
-        if goal not in self.goals:
-            raise ValueError(f"found goal {goal!r}, expected one of {', '.join(self.goals)}")
+        if refused := self.admits(goal):
+            raise ValueError(refused)
         if room_type not in (None, *ROOM_TYPES):
             raise ValueError(f"found room type {room_type!r}, expected {', '.join(ROOM_TYPES)}")
         self._room = NO_ROOM.copy()

@@ -174,10 +174,7 @@ class Run:
 
     def save(self, name: str) -> None:
         """Write everything the run needs to go on."""
-        tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
-        tensors |= {f"predictor.{k}": v for k, v in self.predictor.state_dict().items()}
-        known = self.knowledge.arrays().items()
-        tensors |= {f"knowledge.{k}": torch.from_numpy(v) for k, v in known}
+        tensors = self.agent.tensors(self.knowledge)
         tensors |= optimizer_tensors("optimizer", self.optimizer)
         tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
         goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})

@@ -3,7 +3,10 @@
 from setuptools import find_packages, setup
 
 PACKAGE = "cfnav_ros"
-EXECUTABLES = ("policy_node", "lidar_collision_node", "bag_eval", "demo")
+EXECUTABLES = (
+    "policy_node", "lidar_collision_node", "recorder_node", "bringup", "lidar_mask", "markers_node",
+    "bag_eval", "demo",
+)  # fmt: skip
 
 setup(
     name=PACKAGE,

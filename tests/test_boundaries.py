@@ -22,13 +22,13 @@ MAY_NOT_IMPORT = {
 }
 ROS = {"rclpy", "cfnav_interfaces", "geometry_msgs", "irobot_create_msgs", "nav_msgs"}
 ROS |= {"rosgraph_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "action_msgs", "rcl_interfaces"}
-ROS |= {"diagnostic_msgs", "std_srvs"}
+ROS |= {"diagnostic_msgs", "std_srvs", "visualization_msgs"}
 ROS_FILES = {"mock_turtlebot4.py", "conversions.py", "parameters.py", "graph.py", "recorder.py"}
 ROS_FILES |= {"bench.py", "goals.py", "senses.py", "velocity.py"}
 # A robot needs none of these: only what trains or exports may import torch.
 TORCH_FREE = (
     "cfnav_core.policy", "cfnav_core.perception", "cfnav_core.bundle", "cfnav_core.cli",
-    "cfnav_core.metrics", "sim_bridge.world",
+    "cfnav_core.metrics", "cfnav_core.bench_policy", "sim_bridge.world",
 )  # fmt: skip
 
 LOAD = """

@@ -21,9 +21,29 @@ def test_the_interfaces_are_built(package):
     assert [name for name in dir(module) if name[0].isupper()]
 
 
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    "name",
+    [
+        "launch/robot.launch.py",
+        "launch/simulation.launch.py",
+        "launch/evaluation.launch.py",
+        "config/turtlebot4_stock.yaml",
+        "rviz/cfnav.rviz",
+        "foxglove/cfnav.json",
+    ],
+)
+def test_colcon_installs_the_bringup_files(name):
+    assert (ROOT / "ros_ws/install/cfnav_bringup/share/cfnav_bringup" / name).is_file()
+
+
 EXECUTABLES = [
     ("cfnav_ros", "policy_node"),
     ("cfnav_ros", "lidar_collision_node"),
+    ("cfnav_ros", "recorder_node"),
+    ("cfnav_ros", "bringup"),
+    ("cfnav_ros", "lidar_mask"),
+    ("cfnav_ros", "markers_node"),
     ("cfnav_ros", "bag_eval"),
     ("cfnav_ros", "demo"),
     ("sim_bridge", "mock_turtlebot4"),
@@ -74,8 +94,9 @@ def test_all_packages_have_the_same_version():
     for package in ("cfnav_core", "cfnav_ros", "sim_bridge"):
         assert f"<version>{version}</version>" in (ROOT / package / "package.xml").read_text()
         assert f'version="{version}"' in (ROOT / package / "setup.py").read_text()
-    interfaces = ROOT / "ros_ws/src/cfnav_interfaces/package.xml"
-    assert f"<version>{version}</version>" in interfaces.read_text()
+    for package in ("cfnav_interfaces", "cfnav_bringup"):
+        about = ROOT / "ros_ws/src" / package / "package.xml"
+        assert f"<version>{version}</version>" in about.read_text()
 
 
 def test_the_sources_come_before_colcons_copies():

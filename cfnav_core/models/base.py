@@ -112,11 +112,15 @@ class NavModel(nn.Module):
         state_shapes: names and shapes (without B) of what it remembers.
         reward: the row of ``REWARDS`` it was published with.
         title: its name wherever results appear.
+        zero_shot: whether it may be asked for objects that it was not trained to find. Then no
+            weight belongs to one object, so that such a goal is an input like any other and not an
+            untrained weight, and the goal is looked for in the detections.
     """
 
     state_shapes: Mapping[str, tuple[int, ...]]
     reward: ClassVar[str] = "baseline"
     title: ClassVar[str]
+    zero_shot: ClassVar[bool] = False
 
     def picture_encoder(self) -> nn.Module:
         """The layers that a collision predictor may share: features to a map.

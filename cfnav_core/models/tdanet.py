@@ -79,6 +79,7 @@ class TDANet(NavModel):
 
     reward = "similarity"
     title = "TDANet-style"
+    zero_shot = True
 
     def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()

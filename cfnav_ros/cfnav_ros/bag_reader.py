@@ -5,6 +5,7 @@ Topics are recognised by their last names, so a bag of a namespaced robot reads 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from cfnav_core.actions import Action
+from cfnav_ros.lidar import Scan
 from cfnav_ros.outcome import Decision, Estimate, Events, Status, Truth
 
 IMAGE = "oakd/rgb/preview/image_raw"
@@ -23,6 +25,8 @@ EPISODE = "policy/episode"
 ESTIMATE = "collision/estimate"
 TRUTH = "ground_truth/state"
 MAP = "ground_truth/map"
+SCAN = "scan"
+ODOMETRY = "odom"
 
 _STARTED = 0
 """``EpisodeStatus.STARTED``."""
@@ -83,6 +87,21 @@ def read_pictures(bag: Path, stamps_ns: Collection[int]) -> dict[int, np.ndarray
         if stamp in wanted:
             pictures[stamp] = _rgb(message)
     return pictures
+
+
+def read_scans(bag: Path) -> list[Scan]:
+    """Read the laser scans in the order of their log times."""
+    return [_scan(message) for _, _, message in _messages(bag, (SCAN,))]
+
+
+def read_yaws(bag: Path) -> np.ndarray:
+    """Read the headings of the odometry.
+
+    Returns:
+        float64 [N], radians counter-clockwise in [-pi, pi], in the order of their log times.
+    """
+    rotations = [m.pose.pose.orientation for _, _, m in _messages(bag, (ODOMETRY,))]
+    return np.array([2.0 * math.atan2(q.z, q.w) for q in rotations], np.float64)
 
 
 def _messages(bag: Path, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
@@ -158,6 +177,14 @@ def _room_map(t_ns: int, m: Any) -> RoomMap:
     cells = np.asarray(m.data, dtype=np.int8).reshape(m.info.height, m.info.width)
     origin = m.info.origin.position
     return RoomMap(t_ns, cells > 0, m.info.resolution, (origin.x, origin.y))
+
+
+def _scan(m: Any) -> Scan:
+    """Return a LaserScan message."""
+    return Scan(
+        m.ranges, m.angle_min, m.angle_max, m.angle_increment, m.range_min, m.range_max,
+        m.header.frame_id,
+    )  # fmt: skip
 
 
 def _rgb(m: Any) -> np.ndarray:

@@ -12,7 +12,6 @@ import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ from rclpy.task import Future
 
 from cfnav_core.vocabulary import CATEGORIES
 from cfnav_ros.outcome import Outcome
-from cfnav_ros.processes import Child, GraphError, node_command
+from cfnav_ros.processes import Child, GraphError, keep_local, node_command
 from cfnav_ros.recorder import Recorder
 from cfnav_ros.stop_signal import INTERRUPT
 
@@ -52,9 +51,6 @@ SILENCE_S = 120.0
 
 HEARD = ("/clock", "oakd/rgb/preview/image_raw", "scan", "odom", "ground_truth/state")
 """Topics that the recorder must hear before the first episode."""
-
-_ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
-"""Settings of the surroundings that could reach beyond this machine."""
 
 
 @dataclass(frozen=True)
@@ -258,9 +254,7 @@ class Graph:
 
     def _join(self) -> None:
         """Join a domain in which nobody else answers."""
-        os.environ.update(_surroundings(self.config.logs))
-        for name in _ELSEWHERE:
-            os.environ.pop(name, None)
+        keep_local(os.environ, self.config.logs)
         chosen = self.config.domain
         self.domain = random.SystemRandom().choice(DOMAINS) if chosen is None else chosen
         os.environ["ROS_DOMAIN_ID"] = str(self.domain)
@@ -330,12 +324,3 @@ class Graph:
         """Return the result of a future."""
         self.until(future.done, patience_s, what)
         return future.result()
-
-
-def _surroundings(logs: Path) -> dict[str, str]:
-    """Return the settings that keep the graph on this machine and its pictures whole."""
-    return {
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(files("cfnav_ros") / "config" / "fastdds.xml"),
-        "ROS_LOG_DIR": str(logs / "ros"),
-    }

@@ -7,11 +7,15 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 
 _LIBC = ctypes.CDLL(None)  # here, as nothing may be loaded between fork and exec
 _PR_SET_PDEATHSIG = 1
+
+_ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
+"""Settings of the surroundings that could reach beyond this machine."""
 
 
 class GraphError(Exception):
@@ -83,6 +87,15 @@ def node_command(package: str, executable: str) -> list[str]:
         if prefix and os.access(program, os.X_OK):
             return [str(program)]
     return [sys.executable, "-m", f"{package}.{executable}"]
+
+
+def keep_local(environment: MutableMapping[str, str], logs: Path) -> None:
+    """Change an environment so that its graph stays on this machine and its pictures whole."""
+    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(files("cfnav_ros") / "config/fastdds.xml")
+    environment["ROS_LOG_DIR"] = str(logs / "ros")
+    for name in _ELSEWHERE:
+        environment.pop(name, None)
 
 
 def _end_with_parent() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -58,11 +59,15 @@ TOPICS = (
     Topic("tf_static", "tf2_msgs/msg/TFMessage", latched=True),
     Topic("joint_states", "sensor_msgs/msg/JointState"),
     Topic("hazard_detection", "irobot_create_msgs/msg/HazardDetectionVector"),
+    Topic("wheel_status", "irobot_create_msgs/msg/WheelStatus"),
+    Topic("dock_status", "irobot_create_msgs/msg/DockStatus"),
     Topic("cmd_vel", "geometry_msgs/msg/TwistStamped", reliable=False),
     Topic("camera_tilt/command", "std_msgs/msg/Float64"),
     Topic("collision/estimate", "cfnav_interfaces/msg/CollisionEstimate"),
     Topic("policy/decision", "cfnav_interfaces/msg/PolicyDecision"),
     Topic("policy/episode", "cfnav_interfaces/msg/EpisodeStatus", latched=True),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
+    Topic("/rosout", "rcl_interfaces/msg/Log"),
     Topic("ground_truth/state", "cfnav_interfaces/msg/GroundTruth"),
     Topic("ground_truth/map", "nav_msgs/msg/OccupancyGrid", latched=True),
 )
@@ -71,15 +76,17 @@ TOPICS = (
 class Recorder:
     """A node with its own thread that writes what it hears until it is closed.
 
-    Log times are those of ``/clock``, or 0 before its first message.
+    Log times are those of ``/clock``, or 0 before its first message; on a robot, which has no such
+    topic, those of the system.
     """
 
-    def __init__(self, bag: Path, context: Context) -> None:
+    def __init__(self, bag: Path, context: Context, system_time: bool = False) -> None:
         """Open the bag and subscribe.
 
         Args:
             bag: folder of the finished bag.
             context: an initialised rclpy context; the caller shuts it down after ``close``.
+            system_time: log system time instead of that of ``/clock``.
 
         Raises:
             FileExistsError: the bag exists.
@@ -87,7 +94,8 @@ class Recorder:
         """
         shares = [get_package_share_path(name) for name in PACKAGES]
         self._writer = BagWriter(bag, typestore_with(shares))
-        self._now_ns = 0
+        self._clock_ns = 0
+        self._now_ns = time.time_ns if system_time else lambda: self._clock_ns
         self._heard = threading.Condition()
         self._error: Exception | None = None
         self._node = Node(NODE_NAME, context=context)
@@ -98,10 +106,15 @@ class Recorder:
         self._thread = threading.Thread(target=self._spin, name=NODE_NAME)
         self._thread.start()
 
+    @property
+    def counts(self) -> Counter[str]:
+        """How many messages of each topic have been written, by resolved names."""
+        self._raise_error()
+        return self._writer.counts.copy()
+
     def count(self, topic: str) -> int:
         """Return how many messages of a topic have been written; the name as in ``TOPICS``."""
-        self._raise_error()
-        return self._writer.counts[self._node.resolve_topic_name(topic)]
+        return self.counts[self._node.resolve_topic_name(topic)]
 
     def wait_for(self, topic: str, count: int, deadline_s: float = 10.0) -> bool:
         """Wait until a topic has at least so many messages; false when the deadline passed."""
@@ -147,11 +160,11 @@ class Recorder:
         # After the 4 bytes of encapsulation: int32 seconds, uint32 nanoseconds.
         order = "<" if cdr[1] & 1 else ">"
         seconds, nanoseconds = struct.unpack_from(order + "iI", cdr, 4)
-        self._now_ns = seconds * 1_000_000_000 + nanoseconds
+        self._clock_ns = seconds * 1_000_000_000 + nanoseconds
         self._write(name, cdr)
 
     def _write(self, name: str, cdr: bytes) -> None:
-        self._writer.write(name, self._now_ns, cdr)
+        self._writer.write(name, self._now_ns(), cdr)
         with self._heard:
             self._heard.notify_all()
 

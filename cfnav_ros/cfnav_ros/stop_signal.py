@@ -20,6 +20,11 @@ class StopSignal:
     def _handle(self, number: int, _: FrameType | None) -> None:
         self._number = number
 
+    def ignore(self) -> None:
+        """From now on nothing disturbs the end: while Python ends, a signal would kill it."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
     def __bool__(self) -> bool:
         return self._number != 0
 

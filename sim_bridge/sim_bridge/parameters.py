@@ -28,7 +28,7 @@ class MockParameters:
 
     room: str = _parameter("kitchen:21", "room as <type>:<seed>")
     goal: str = _parameter("", "category of the first episode; empty starts none")
-    seed: int = _parameter(0, "draws the start pose of the first episode")
+    seed: int = _parameter(0, "draws the first start pose, and all noise until an episode starts")
     start: tuple[float, ...] = _parameter((), "x m, y m, yaw rad; only without a goal")
     speed: float = _parameter(1.0, "times real time; 0 is as fast as it can")
     camera: str = _parameter("mast", "mast (1.3 m, 90 deg, tilts) or preview (as sold, 40 deg)")

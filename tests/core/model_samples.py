@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from pathlib import Path
+
 import numpy as np
 import torch
 from torch.nn.functional import one_hot
 
 from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.models import Inputs, Knowledge, ModelSize, Seen
+from cfnav_core.agent import new_agent
+from cfnav_core.checkpoint import save_tensors
+from cfnav_core.config import ModelName, RunConfig
+from cfnav_core.models import Inputs, Knowledge, ModelSize, NavModel, Seen
 from cfnav_core.models.reading import COLUMNS
+from cfnav_core.perception import Perception
 from cfnav_core.vocabulary import CATEGORIES, DATA1_TARGETS, ROOM_TYPES
 
 ROOMS = len(ROOM_TYPES)
@@ -37,6 +44,7 @@ def knowledge(objects: int, word: int = 12, text: int = 10, zones: int = 8) -> K
         words=table(objects, word) - 0.5, text=table(objects, text) - 0.5,
         zones=table(ROOMS, zones, objects), zone_edges=edges, layout=layout,
         adjacency=(table(objects, objects) > 0.7).astype(np.float32),
+        parents=table(ROOMS, objects, objects),
     )  # fmt: skip
 
 
@@ -64,3 +72,28 @@ def views(inputs: Inputs, batch: int, seed: int = 0) -> Seen:
 def rows_of(seen: Seen, which: slice) -> Seen:
     """Some of the episodes."""
     return Seen(*(value[which] for value in vars(seen).values()))
+
+
+def outspoken(model: NavModel) -> NavModel:
+    """Let a fresh policy answer by what it sees; it gives all actions nearly the same chance."""
+    with torch.no_grad():
+        for name, weight in model.named_parameters():
+            if name.endswith("actor.weight"):
+                weight.normal_(std=2)
+    return model
+
+
+def save_fresh(path: Path, model: ModelName, perception: Path, goals: tuple[str, ...]) -> Path:
+    """A checkpoint, as a run would write it, of a small agent that has learnt nothing."""
+    config, known = RunConfig(model=model, size=SMALL, predictor_hidden=16), knowledge(38)
+    torch.manual_seed(0)
+    agent = new_agent(config, BUILT_IN, known)
+    outspoken(agent.model)
+    with torch.no_grad():
+        agent.predictor.head.weight *= 10
+    save_tensors(path, agent.tensors(known), {
+        "config": asdict(config), "episodes": 0, "steps": 0, "best": -1.0, "goals": goals,
+        "perception": Perception(perception).identity, "inputs": asdict(BUILT_IN),
+        "commit": "none", "train_rooms": ("kitchen:0",), "validation_rooms": ("kitchen:1",),
+    })  # fmt: skip
+    return path

@@ -76,3 +76,13 @@ def test_preprocess_averages_two_by_two():
     assert np.abs(preprocess(rgb) - expected).max() <= 1.0
     small = preprocess(rgb)
     np.testing.assert_array_equal(preprocess(small), small)
+
+
+def test_preprocess_averages_a_preview_picture():
+    # cells are 5/3 pixels wide: they cover the centres 0.5 and 1.5, 2.5, 3.5 and 4.5, and so on
+    rgb = np.random.default_rng(0).integers(0, 255, (250, 250, 3), np.uint8)
+    cells = rgb.astype(float).reshape(50, 5, 50, 5, 3)
+    three = ([0, 1], [2], [3, 4])
+    expected = np.array([[cells[:, r][:, :, :, c].mean((1, 3)) for c in three] for r in three])
+    found = preprocess(rgb).reshape(50, 3, 50, 3, 3).transpose(1, 3, 0, 2, 4)
+    assert np.abs(found - expected).max() <= 1.0

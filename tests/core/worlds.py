@@ -67,7 +67,7 @@ def hall(
     )  # fmt: skip
 
 
-def seen_hall(seed: int, name: str) -> OfflineScene:
+def seen_hall(seed: int, name: str, wanted: tuple[str, ...] = ("Laptop", "Mug")) -> OfflineScene:
     """A hall of 5 x 5 cells with five pillars at random, whose pictures say what stands around.
 
     Features are the free cells in each of eight directions, seen from the robot, and the tilt.
@@ -76,7 +76,7 @@ def seen_hall(seed: int, name: str) -> OfflineScene:
     """
     rng = np.random.default_rng(seed)
     cells = [divmod(int(k), 5) for k in rng.permutation(25)]
-    goals = dict(zip(("Laptop", "Mug"), cells, strict=False))
+    goals = dict(zip(wanted, cells, strict=False))
     scene = hall(5, 5, tuple(cells[2:7]), goals, seed, name)
     free, at = np.zeros(scene.num_states), np.arange(scene.num_states)
     for _ in range(2):

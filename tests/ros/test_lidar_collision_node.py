@@ -80,17 +80,25 @@ class Lidar:
         self.transforms.publish(TFMessage(transforms=[stamped]))
 
     def wait(self, condition, what):
-        end = time.monotonic() + DEADLINE_S
+        assert self.until(condition, DEADLINE_S), f"waited in vain: {what}"
+
+    def until(self, condition, seconds):
+        """Receives until a condition holds; False when it does not in time."""
+        end = time.monotonic() + seconds
         while not condition():
-            assert time.monotonic() < end, f"waited in vain: {what}"
+            if time.monotonic() > end:
+                return False
             self.executor.spin_once(timeout_sec=0.05)
+        return True
 
     def ask(self, scan):
-        """The estimate of one scan."""
-        stamp = self.send(scan)
-        answers = lambda: [m for m in self.heard if m.header.stamp == stamp]  # noqa: E731
-        self.wait(answers, "the estimate of a scan")
-        return answers()[0]
+        """The estimate of one scan, sent again when a busy machine delivers it too late."""
+        for _ in range(20):
+            stamp = self.send(scan)
+            answers = lambda: [m for m in self.heard if m.header.stamp == stamp]  # noqa: B023, E731
+            if self.until(answers, 3.0):
+                return answers()[0]
+        pytest.fail("waited in vain: the estimate of a scan")
 
     def close(self):
         self.executor.shutdown()
@@ -184,15 +192,17 @@ def test_a_bad_parameter_gives_one_sentence_and_exit_code_2(
 
 def blind(lidar, because):
     """Sends good scans until the node calls itself blind for this reason."""
-    lidar.wait(lambda: lidar.ask(live()).verdict == CollisionEstimate.BLIND, f"BLIND: {because}")
-    assert because in lidar.heard[-1].reason
+    lidar.wait(lambda: because in lidar.ask(live()).reason, f"BLIND: {because}")
+    assert lidar.heard[-1].verdict == CollisionEstimate.BLIND
 
 
 def test_who_publishes_and_from_which_frame(graph):
     lidar, *_ = graph
     assert lidar.ask(live()).verdict == CollisionEstimate.GOOD
     stray = dataclasses.replace(room_scan(), frame="oakd_link")
-    assert "from frame 'oakd_link'" in lidar.ask(stray).reason
+    answer = lidar.ask(stray)
+    assert answer.verdict == CollisionEstimate.BLIND
+    assert "from frame 'oakd_link'" in answer.reason
     rival = lidar.node.create_publisher(LaserScan, "scan", 10)
     blind(lidar, "2 nodes publish scans")
     lidar.node.destroy_publisher(rival)

@@ -1,7 +1,6 @@
-"""Dataclass <-> ROS parameters, and the shipped parameter files."""
+"""Dataclass <-> ROS parameters."""
 
 from dataclasses import dataclass, field
-from importlib.resources import files
 
 import pytest
 
@@ -80,21 +79,6 @@ def test_values_given_are_taken(read):
 def test_bad_values_give_one_sentence(read, given, sentence):
     with pytest.raises(ValueError, match=sentence):
         read(Outer, "-p", given)
-
-
-@pytest.mark.parametrize("name", ["demo.yaml", "turtlebot4.yaml"])
-@pytest.mark.parametrize(
-    ("node", "kind"),
-    [("policy_node", PolicyParameters), ("lidar_collision_node", LidarParameters)],
-)
-def test_the_shipped_files_fit_both_nodes(read, name, node, kind):
-    path = files("cfnav_ros") / "config" / name
-    values, made = read(kind, "--params-file", str(path), name=node)
-    assert made.get_parameter("use_sim_time").value is (name == "demo.yaml")
-    if kind is PolicyParameters:
-        assert values.allow_robot is (name == "turtlebot4.yaml")
-    else:
-        assert values.disc.mount_yaw_deg == 90.0
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,8 @@ from cfnav_ros.bag_reader import read_events, read_maps, read_pictures  # noqa: 
 from cfnav_ros.recorder import CLOCK, TOPICS, Recorder  # noqa: E402
 from rclpy.context import Context  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
+
+from tests.conftest import wait_until  # noqa: E402
 
 IMAGE = "oakd/rgb/preview/image_raw"
 PICTURES = 60
@@ -160,3 +163,38 @@ def test_a_full_disk_is_told_and_leaves_no_bag(context: Context, tmp_path: Path)
     with pytest.raises(OSError, match="File too large"):
         recorder.close()
     assert not [path for path in tmp_path.iterdir() if "bag" in path.name]
+
+
+def test_the_recorder_of_a_robot_stamps_system_time_and_keeps_a_bag(
+    start_process: Callable, tmp_path: Path
+) -> None:
+    bag = tmp_path / "drive"
+    arguments = ("cfnav_ros.recorder_node", "--ros-args", "-p", f"bag:={bag}")
+    before = time.time_ns()
+    recorder = start_process(*arguments, "-r", "__ns:=/robot1")
+    recorder.wait_for_line("^recording to")
+    talker = start_process(
+        "cfnav_ros.lidar_collision_node", "--ros-args", "-r", "__ns:=/robot1"
+    )  # blind, and says so ten times a second
+    recorder.wait_for_line("^recording /robot1/collision/estimate$")
+    assert talker.interrupt() == 0
+
+    def ended() -> bool:  # under a hail of interrupts, as launch may send
+        recorder.process.send_signal(signal.SIGINT)
+        return recorder.process.poll() is not None
+
+    wait_until(ended, "the end of the recorder")
+    assert recorder.wait() == 0
+    assert int(recorder.wait_for_line(r"^(\d+) messages recorded$")[1]) > 0
+    with AnyReader([bag]) as reader:
+        estimates = [c for c in reader.connections if c.topic == "/robot1/collision/estimate"]
+        times = [t for _, t, _ in reader.messages(estimates)]
+    assert times
+    assert all(before < t < time.time_ns() for t in times)
+
+    again = start_process(*arguments)
+    assert again.wait() == 2
+    assert "exists already" in again.output
+    nameless = start_process("cfnav_ros.recorder_node")
+    assert nameless.wait() == 2
+    assert "expected -p bag:=FOLDER" in nameless.output

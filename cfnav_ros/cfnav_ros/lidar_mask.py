@@ -1,0 +1,168 @@
+"""Where the LiDAR sees the robot itself: ``python -m cfnav_ros.lidar_mask BAG``.
+
+Reads scans from a bag recorded while the robot turned on the spot in open space, at least once
+around, and prints the lines for the parameter file. What stays in place while everything else
+turns can only be the robot. Needs no ROS.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from cfnav_ros.bag_reader import BagError, read_scans, read_yaws
+from cfnav_ros.lidar import Scan, SweptDisc
+
+BIN_DEG = 0.5
+"""Width of the bearings that are counted; a return of the A1 covers a degree."""
+
+MIN_SCANS = 40
+"""About five seconds of the A1."""
+
+MAX_SEEN = 0.05
+"""Share of scans in which a hidden bearing may return something: ghosts at the edges of a post."""
+
+MIN_WIDTH_DEG = 2.0
+"""A narrower piece is a beam that happened to meet nothing; a post of 6 mm hides five degrees."""
+
+MAX_WIDTH_DEG = 45.0
+"""A wider piece without returns is no part of the robot but a fault."""
+
+
+@dataclass(frozen=True)
+class Sector:
+    """A part of the robot as the LiDAR sees it: bearing from the front, left positive, degrees."""
+
+    bearing: float
+    half_width: float
+
+
+def turned(yaws: np.ndarray) -> float:
+    """How far the robot turned between its two most distant headings, radians.
+
+    Args:
+        yaws: float [N], radians, in order.
+    """
+    return float(np.ptp(np.unwrap(yaws))) if len(yaws) else 0.0
+
+
+def own_sectors(scans: Sequence[Scan], turn: float, mount_yaw_deg: float) -> list[Sector]:
+    """Find the bearings that return nothing, or something below ``range_min``, throughout.
+
+    Args:
+        scans: recorded in open space while the robot turned.
+        turn: how far it turned, radians.
+        mount_yaw_deg: yaw of the LiDAR on the robot, degrees.
+
+    Returns:
+        The sectors in the order of their bearings.
+
+    Raises:
+        ValueError: this recording cannot tell; one sentence.
+    """
+    if len(scans) < MIN_SCANS:
+        raise ValueError(f"there are {len(scans)} scans, expected at least {MIN_SCANS}")
+    if turn < math.tau:
+        raise ValueError(
+            f"the robot turned by {math.degrees(turn):.0f} degrees, expected at least 360: without "
+            "a whole turn a dark corner of the room looks like a part of the robot"
+        )
+    sectors = [_sector(run) for run in _runs(_hidden(scans, mount_yaw_deg))]
+    for sector in sectors:
+        if 2 * sector.half_width > MAX_WIDTH_DEG:
+            raise ValueError(
+                f"{2 * sector.half_width:.0f} degrees around bearing {sector.bearing:.0f} never "
+                "return anything: the LiDAR is covered or broken, or the space is too open"
+            )
+    return sorted(sectors, key=lambda sector: sector.bearing)
+
+
+def parameter_lines(sectors: Sequence[Sector]) -> str:
+    """The lines for ``lidar_collision_node`` in a parameter file.
+
+    One half-width serves all: that of the widest sector and one return more.
+    """
+    bearings = " ".join(f"{sector.bearing:g}" for sector in sectors)
+    width = max((sector.half_width for sector in sectors), default=0.0)
+    return (
+        "    disc:\n"
+        f'      mask_bearings_deg: "{bearings}"\n'
+        f"      mask_half_width_deg: {width + 1.0:.1f}"
+    )
+
+
+def _hidden(scans: Sequence[Scan], mount_yaw_deg: float) -> np.ndarray:
+    """Whether a bearing hardly ever returned anything: bool [360 / BIN_DEG].
+
+    A bearing between two beams, at which nobody looked, is as the beam before it.
+    """
+    bins = round(360.0 / BIN_DEG)
+    looked, seen = np.zeros(bins, int), np.zeros(bins, int)
+    for scan in scans:
+        ranges = np.asarray(scan.ranges, np.float64)
+        angles = scan.angle_min + np.arange(ranges.size) * scan.angle_increment
+        index = np.floor((np.degrees(angles) + mount_yaw_deg) % 360.0 / BIN_DEG).astype(int) % bins
+        # Written so that NaN counts as nothing.
+        valid = (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        np.add.at(looked, index, 1)
+        np.add.at(seen, index, valid)
+    hidden = (looked > 0) & (seen <= MAX_SEEN * looked)
+    # Twice around, so that the first bearings find their beam at the end of the circle.
+    beam = np.where(np.tile(looked > 0, 2), np.arange(2 * bins), 0)
+    return hidden[np.maximum.accumulate(beam)[bins:] % bins]
+
+
+def _runs(hidden: np.ndarray) -> list[tuple[int, int]]:
+    """First bin and number of bins of each run around the circle, MIN_WIDTH_DEG or longer."""
+    if hidden.all():
+        return [(0, hidden.size)]
+    start = int(np.argmin(hidden))  # a bin that is no part of a run
+    edges = np.diff(np.r_[0, np.roll(hidden, -start).astype(int), 0])
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    shortest = round(MIN_WIDTH_DEG / BIN_DEG)
+    return [
+        (int(b) + start, int(e - b)) for b, e in zip(begins, ends, strict=True) if e - b >= shortest
+    ]
+
+
+def _sector(run: tuple[int, int]) -> Sector:
+    first, count = run
+    bearing = (first + count / 2) * BIN_DEG
+    return Sector((bearing + 180.0) % 360.0 - 180.0, count * BIN_DEG / 2)
+
+
+def learn(
+    bag: Annotated[Path, tyro.conf.Positional],
+    mount_yaw_deg: float = SweptDisc().mount_yaw_deg,
+) -> None:
+    """Print the LiDAR's mask as lines for the parameter file.
+
+    Args:
+        bag: folder of a bag with scans and odometry of a robot that turns in open space.
+        mount_yaw_deg: yaw of the LiDAR on the robot, degrees.
+    """
+    try:
+        sectors = own_sectors(read_scans(bag), turned(read_yaws(bag)), mount_yaw_deg)
+    except ValueError as error:
+        raise BagError(f"{bag}: {error}") from None
+    print(parameter_lines(sectors))
+
+
+def main() -> None:
+    """Run the command line; a bag that cannot tell ends it with one sentence and code 2."""
+    try:
+        tyro.cli(learn, prog="lidar_mask")
+    except BagError as error:
+        print(f"lidar_mask: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""What the policy decides and the LiDAR concludes, as markers that RViz can show.
+
+RViz has no display for cfnav's own messages. ``robot.launch.py rviz:=true`` starts this node; it
+only listens, and nothing depends on it. Run it with ``python -m cfnav_ros.markers_node``.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import rclpy
+from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
+from geometry_msgs.msg import Point, Pose, Vector3
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from cfnav_core.actions import STEP_M, Action
+from cfnav_ros.lidar import SweptDisc, Verdict
+from cfnav_ros.stop_signal import StopSignal
+
+SHOWN_M = 1.5
+"""Longest clearance that is drawn."""
+
+
+class MarkersNode(Node):
+    """Draws the way ahead in the colour of its collision probability, and a line of text."""
+
+    def __init__(self) -> None:
+        super().__init__("markers_node")
+        self._decision = "no decision yet"
+        self._markers = self.create_publisher(MarkerArray, "policy/markers", 5)
+        self.create_subscription(
+            CollisionEstimate, "collision/estimate", self._on_estimate, qos_profile_sensor_data
+        )
+        self.create_subscription(PolicyDecision, "policy/decision", self._on_decision, 5)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(EpisodeStatus, "policy/episode", self._on_episode, latched)
+
+    def _on_decision(self, message: PolicyDecision) -> None:
+        veto = ", vetoed" if message.vetoed else ""
+        self._decision = (
+            f"{message.goal} {message.detection_score:.2f}, step {message.step}: "
+            f"{Action(message.action).name}{veto}"
+        )
+
+    def _on_episode(self, message: EpisodeStatus) -> None:
+        ended = message.phase == EpisodeStatus.ENDED
+        self._decision = f"{message.goal}: {message.outcome if ended else 'begins'}"
+
+    def _on_estimate(self, estimate: CollisionEstimate) -> None:
+        verdict = Verdict(estimate.verdict).name
+        said = f"p {estimate.probability:.2f}, {estimate.clearance:.2f} m free, {verdict}"
+        markers = [way_ahead(estimate), text(estimate, f"{self._decision}\n{said}")]
+        self._markers.publish(MarkerArray(markers=markers))
+
+
+def way_ahead(estimate: CollisionEstimate) -> Marker:
+    """The strip that the hull can advance over; a blind LiDAR's is one step long and red."""
+    radius = SweptDisc().radius
+    blind = estimate.verdict == CollisionEstimate.BLIND
+    length = STEP_M if blind else max(min(estimate.clearance, SHOWN_M), 0.01)
+    marker = _marker(estimate, 0, Marker.CUBE)
+    marker.pose = Pose(position=Point(x=radius + length / 2, z=0.01))
+    marker.scale = Vector3(x=length, y=2 * radius, z=0.01)
+    p = estimate.probability
+    marker.color = ColorRGBA(r=p, g=1.0 - p, a=0.6)
+    return marker
+
+
+def text(estimate: CollisionEstimate, said: str) -> Marker:
+    """Words beside the robot."""
+    marker = _marker(estimate, 1, Marker.TEXT_VIEW_FACING)
+    marker.pose = Pose(position=Point(x=-0.5, z=0.5))
+    marker.scale = Vector3(z=0.1)
+    marker.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
+    marker.text = said
+    return marker
+
+
+def _marker(estimate: CollisionEstimate, number: int, kind: int) -> Marker:
+    # Stamped 0: at the newest pose, as RViz may not have heard the one of the scan yet.
+    marker = Marker(ns="policy", id=number, type=kind, frame_locked=True)
+    marker.header.frame_id = estimate.header.frame_id
+    return marker
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM."""
+    stop = StopSignal()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    executor.add_node(MarkersNode())
+    try:
+        while not stop:
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

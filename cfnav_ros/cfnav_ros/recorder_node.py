@@ -1,0 +1,83 @@
+"""Records a drive of a robot into an MCAP bag until it is told to end.
+
+Run it with ``python -m cfnav_ros.recorder_node --ros-args -p bag:=FOLDER``. What it records is the
+table in ``recorder``; the demo and the trials record through the same class without this process.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from cfnav_ros.parameters import declare
+from cfnav_ros.recorder import NODE_NAME, Recorder
+from cfnav_ros.stop_signal import StopSignal
+
+LINGER_S = 1.0
+"""Recorded after the signal: under launch the policy node gets it too, and ends in zeros."""
+
+
+@dataclass(frozen=True)
+class RecorderParameters:
+    """Parameters of the recorder; with ``use_sim_time`` its log times are those of ``/clock``."""
+
+    bag: str = field(default="", metadata={"help": "folder of the bag to be made"})
+
+
+def main(args: list[str] | None = None) -> int:
+    """Record until SIGINT or SIGTERM, then give the bag its name.
+
+    Returns:
+        0 when the bag is whole, 1 when it could not be written, 2 when it could not be begun.
+    """
+    stop = StopSignal()
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        recorder = _begin()
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f"{NODE_NAME}: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    try:
+        heard: set[str] = set()
+        while not stop:
+            time.sleep(0.1)
+            for topic in sorted(set(recorder.counts) - heard):
+                heard.add(topic)
+                print(f"recording {topic}", flush=True)
+        time.sleep(LINGER_S)
+        total = recorder.counts.total()
+        recorder.close()
+    except Exception as error:
+        print(f"{NODE_NAME}: the bag could not be written: {error}", file=sys.stderr)
+        recorder.abort()
+        return 1
+    finally:
+        rclpy.try_shutdown()
+        stop.ignore()
+    print(f"{total} messages recorded", flush=True)
+    return 0
+
+
+def _begin() -> Recorder:
+    node = Node(NODE_NAME, automatically_declare_parameters_from_overrides=True)
+    try:
+        bag = declare(node, RecorderParameters).bag
+        simulated = node.get_parameter("use_sim_time").value
+    finally:
+        node.destroy_node()
+    if not bag:
+        raise ValueError("no bag is named, expected -p bag:=FOLDER.")
+    recorder = Recorder(Path(bag), rclpy.get_default_context(), system_time=not simulated)
+    print(f"recording to {bag}", flush=True)
+    return recorder
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""A drive on a robot with everything recorded, or a recorded drive played back without a robot.
+
+    ros2 launch cfnav_bringup evaluation.launch.py params:=my.yaml mode:=record bag:=drive1
+    ros2 launch cfnav_bringup evaluation.launch.py params:=my.yaml mode:=replay bag:=drive1
+
+A replay plays only what sensors said, on this machine only: no velocity leaves the bag. The LiDAR
+node judges the recorded scans anew, with the parameters given.
+"""
+
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+    Shutdown,
+    UnsetEnvironmentVariable,
+)
+from launch_ros.actions import Node
+
+ARGUMENTS = (
+    DeclareLaunchArgument("mode", choices=["record", "replay"]),
+    DeclareLaunchArgument("bag", description="folder of the bag: made anew, or played"),
+    DeclareLaunchArgument("params", description="as for robot.launch.py"),
+    DeclareLaunchArgument("namespace", default_value=""),
+    DeclareLaunchArgument("bundle", default_value=""),
+    DeclareLaunchArgument("goal", default_value=""),
+    DeclareLaunchArgument("rate", default_value="1.0", description="of the replay"),
+    DeclareLaunchArgument("rviz", default_value="false", choices=["true", "false"]),
+)
+
+ROBOT = str(Path(__file__).with_name("robot.launch.py"))
+ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"  # as in robot.launch.py
+ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
+
+REPLAYED = (
+    "scan",
+    "oakd/rgb/preview/image_raw",
+    "oakd/rgb/preview/camera_info",
+    "odom",
+    "tf",
+    "tf_static",
+    "joint_states",
+    "hazard_detection",
+    "wheel_status",
+    "dock_status",
+)
+"""What the robot said; what it was told, and what was concluded, is left in the bag."""
+
+NEVER = ("cmd_vel", "cmd_vel_unstamped", "camera_tilt/command")
+"""Commands: named under replay/ should ever one of them be played."""
+
+
+def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
+    """Drive, and record it."""
+    bag = {"bag": str(Path(given["bag"]).resolve())}
+    passed = ("params", "namespace", "bundle", "goal", "rviz")
+    return [
+        Node(
+            package="cfnav_ros",
+            executable="recorder_node",
+            exec_name="recorder_node",
+            namespace=given["namespace"],
+            parameters=[bag],
+            output="screen",
+            prefix=ENDS_WITH_LAUNCH,
+            on_exit=Shutdown(),
+        ),
+        IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed]),
+    ]
+
+
+def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
+    """Play what the sensors said to the LiDAR node."""
+    space = f"/{given['namespace'].strip('/')}/" if given["namespace"] else "/"
+    play = ["ros2", "bag", "play", given["bag"], "--clock", "100", "--rate", given["rate"]]
+    play += ["--topics", *(space + name for name in REPLAYED)]
+    play += ["--remap", *(f"{space}{name}:={space}replay/{name}" for name in NEVER)]
+    arguments = {name: given[name] for name in ("params", "namespace", "rviz")}
+    arguments |= {"drive": "false", "use_sim_time": "true"}
+    return [
+        SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
+        *(UnsetEnvironmentVariable(name) for name in ELSEWHERE),
+        ExecuteProcess(
+            cmd=play,
+            name="player",
+            output="screen",
+            prefix=ENDS_WITH_LAUNCH,
+            on_exit=Shutdown(),
+        ),
+        IncludeLaunchDescription(ROBOT, launch_arguments=arguments.items()),
+    ]
+
+
+def actions(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Choose by mode."""
+    given = context.launch_configurations
+    return record(given) if given["mode"] == "record" else replay(given)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the launch."""
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=actions)])
