@@ -19,6 +19,9 @@ SAME_M, SAME_RAD = 0.002, math.radians(0.2)
 MOVED_M, MOVED_RAD = 0.03, math.radians(3.0)
 """A pose that changed more shows another view, even to a camera without noise."""
 
+LAG_S = 0.1
+"""Odometry this much newer than a picture, or less, is of the same place."""
+
 EMPTY_SPREAD = 2.0
 """Grey levels of 255 between the 5th and the 95th percentile of a picture's blocks: with less it
 shows nothing. Noise of 5 levels leaves about 1; rendered views from closest in front of furniture
@@ -104,13 +107,19 @@ class PictureWatch:
             return self._check
         if self._different < NOISY:
             self._different = 0
-        moved = _apart(pose, self._first_pose, MOVED_M, MOVED_RAD)
-        return self._check if self._check.waiting else self._repeated(stamp, moved)
+        if self._check.waiting or not self._frozen_time:
+            return self._check
+        # Odometry that is newer than the picture says nothing of where it was taken.
+        moved = odometry.stamp - stamp <= LAG_S and _apart(
+            pose, self._first_pose, MOVED_M, MOVED_RAD
+        )
+        return self._repeated(stamp, seconds(before.stamp_ns), moved)
 
-    def _repeated(self, stamp: float, moved: bool) -> PictureCheck:
+    def _repeated(self, stamp: float, before: float, moved: bool) -> PictureCheck:
         lasted = stamp - self._first
-        suspect = moved or self._different >= NOISY
-        if not self._frozen_time or lasted <= self._frozen_time or not suspect:
+        # By the next picture the time will have passed.
+        due = lasted + (stamp - before) > self._frozen_time
+        if not due or not (moved or self._different >= NOISY):
             return self._check
         return PictureCheck(
             waiting=f"The camera is frozen: it has sent one picture for {lasted:.1f} s under new "

@@ -29,6 +29,9 @@ class ScriptedPolicy:
         self.actions = list(actions)
         self.seen, self.calls = [], []
 
+    def admits(self, goal):
+        return "" if goal in self.goals else f"There is no {goal!r}; there are Laptop, Mug."
+
     def reset(self, goal):
         self.calls.append(("reset", goal))
 
