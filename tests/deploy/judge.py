@@ -15,9 +15,10 @@ from tests.deploy.expectations import (
     Reaction,
 )
 
-STEP_M, STEP_TOLERANCE_M = 0.25, 0.06
-TURN_RAD, TURN_TOLERANCE_RAD = math.pi / 4, math.radians(12.0)
-"""A motion that ends this near to its target has finished, if less exactly than it might."""
+STEP_M, SHORT_M, OFF_M = 0.25, 0.03, 0.08
+TURN_RAD, SHORT_RAD, OFF_RAD = math.pi / 4, math.radians(6.0), math.radians(15.0)
+"""A motion that ends no further before its target, and off it in other ways, has finished: late
+commands carry it beyond, but what is given up falls short."""
 
 TWITCH_M, TWITCH_RAD = 0.003, math.radians(0.5)
 """Less than this is no motion: the base may still settle."""
@@ -60,10 +61,10 @@ class MotionSeen:
     @property
     def complete(self) -> bool:
         """Whether it is a whole MoveAhead or a whole turn."""
-        straight = abs(self.aside) < STEP_TOLERANCE_M and abs(self.turn) < TURN_TOLERANCE_RAD
-        step = straight and abs(self.ahead - STEP_M) < STEP_TOLERANCE_M
-        in_place = max(abs(self.ahead), abs(self.aside)) < STEP_TOLERANCE_M
-        turn = in_place and abs(abs(self.turn) - TURN_RAD) < TURN_TOLERANCE_RAD
+        straight = abs(self.aside) < OFF_M and abs(self.turn) < OFF_RAD
+        step = straight and -SHORT_M < self.ahead - STEP_M < OFF_M
+        in_place = max(abs(self.ahead), abs(self.aside)) < OFF_M
+        turn = in_place and -SHORT_RAD < abs(self.turn) - TURN_RAD < OFF_RAD
         return step or turn
 
 
