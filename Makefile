@@ -1,6 +1,6 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-test demo test test-long lint bench bench-train train-demo clean
+.PHONY: help setup setup-test demo test test-long lint bench bench-train bench-deploy train-demo clean
 
 PYTHON ?= python3
 OUT ?= out/demo
@@ -39,6 +39,9 @@ bench: setup ## Measure the live graph and write out/bench
 
 bench-train: setup-test ## Measure training and write out/bench/train.json
 	@$(ENV) exec python -m cfnav_core.bench_train --out $(BENCH_OUT)
+
+bench-deploy: setup-test ## Measure faults, motions, LiDAR, CPU and memory on live graphs; goes on where it stopped (RUNS=5)
+	@$(ENV) exec python -m tests.deploy.bench --out $(BENCH_OUT) $(if $(RUNS),--runs $(RUNS)) $(if $(ONLY),--only $(ONLY))
 
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 	@$(ENV) exec scripts/train_demo.sh

@@ -10,7 +10,7 @@ import os
 import random
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate
 from cfnav_interfaces.srv import EndEpisode, StartEpisode
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -64,6 +65,8 @@ class GraphConfig:
         veto: whether the LiDAR may forbid a MoveAhead.
         domain: ROS domain; None draws a free one.
         bag: where everything is recorded; None records nothing.
+        lock_step: the simulator waits for the policy at every moment, so that an episode repeats
+            itself; no measure of reaction times.
     """
 
     room: str
@@ -73,6 +76,7 @@ class GraphConfig:
     veto: bool = True
     domain: int | None = None
     bag: Path | None = None
+    lock_step: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,9 +97,9 @@ class Graph:
         self.context = Context()
         self.domain = 0
         self.recorder: Recorder | None = None
+        self.children: dict[str, Child] = {}
+        self.node: Node | None = None
         self._episodes = 0
-        self._children: list[Child] = []
-        self._node: Node | None = None
 
     def __enter__(self) -> Graph:
         """Start everything and wait until it is ready.
@@ -118,10 +122,10 @@ class Graph:
         """End everything; the bag is kept when nothing was raised."""
         self.close(keep_bag=kind is None)
 
-    def start_episode(self, room: str, goal: str, seed: int) -> Start:
-        """Place the robot at a start pose drawn from the seed."""
-        request = StartEpisode.Request(room=room, goal=goal, seed=seed)
-        answer = self._call(self._start_client, request, "simulator/start_episode")
+    def start_episode(self, room: str, goal: str, seed: int, start: Sequence[float] = ()) -> Start:
+        """Place the robot at a start pose: x m, y m, yaw rad, or drawn from the seed."""
+        request = StartEpisode.Request(room=room, goal=goal, seed=seed, start=list(start))
+        answer = self.call(self._start_client, request, "simulator/start_episode")
         goals = tuple(w for w in re.findall(r"\w+", answer.message) if w in CATEGORIES)
         return Start(answer.ok, answer.message, goals)
 
@@ -133,17 +137,13 @@ class Graph:
     ) -> NavigateToObject.Result:
         """Send a goal and wait for its result; ``on_step`` is called at every decision."""
         steps: list[NavigateToObject.Feedback] = []
-        sent = self._navigate_client.send_goal_async(
-            NavigateToObject.Goal(goal=goal, max_steps=max_steps),
-            feedback_callback=lambda message: steps.append(message.feedback),
-        )
-        handle = self._wait(sent, REQUEST_S, "answer of navigate_to_object")
+        handle = self.send_goal(goal, max_steps, steps.append)
         if not handle.accepted:
             return NavigateToObject.Result(outcome="refused", message="the goal was not accepted")
         result = handle.get_result_async()
         while not result.done():
             heard = len(steps)
-            self._until(
+            self.until(
                 lambda heard=heard: result.done() or len(steps) > heard,
                 SILENCE_S,
                 "next decision of policy_node",
@@ -152,13 +152,26 @@ class Graph:
                 on_step(feedback)
         return result.result().result
 
+    def send_goal(
+        self,
+        goal: str,
+        max_steps: int = 0,
+        on_step: Callable[[NavigateToObject.Feedback], None] = lambda _: None,
+    ) -> ClientGoalHandle:
+        """Send a goal and return its handle; ``on_step`` is called while ``until`` receives."""
+        sent = self._navigate_client.send_goal_async(
+            NavigateToObject.Goal(goal=goal, max_steps=max_steps),
+            feedback_callback=lambda message: on_step(message.feedback),
+        )
+        return self._wait(sent, REQUEST_S, "answer of navigate_to_object")
+
     def end_episode(self) -> EndEpisode.Response:
         """Ask the simulator for its own account of the episode.
 
         Raises:
             GraphError: the simulator knows of no episode.
         """
-        answer = self._call(self._end_client, EndEpisode.Request(), "simulator/end_episode")
+        answer = self.call(self._end_client, EndEpisode.Request(), "simulator/end_episode")
         if not answer.ok:
             raise GraphError(f"the simulator gave no account of the episode: {answer.message}")
         return answer
@@ -195,25 +208,48 @@ class Graph:
             shortest_path_m=truth.shortest_path,
         )
 
+    def call(self, client: Any, request: Any, name: str) -> Any:
+        """Ask a service of the graph and return its answer."""
+        return self._wait(client.call_async(request), REQUEST_S, f"answer of {name}")
+
+    def until(self, condition: Callable[[], bool], patience_s: float, what: str) -> None:
+        """Receive and watch the processes until a condition holds.
+
+        Raises:
+            GraphError: a process ended, or the condition did not come true in time.
+        """
+        end = time.monotonic() + patience_s
+        while not condition():
+            self.check()
+            if time.monotonic() > end:
+                raise GraphError(
+                    f"no {what} within {patience_s:.0f} s; see the logs in {self.config.logs}"
+                )
+            self.receive()
+
+    def receive(self) -> None:
+        """Take in what comes within a tenth of a second, whatever has become of the processes."""
+        self._executor.spin_once(timeout_sec=0.1)
+
     def check(self) -> None:
         """Raise GraphError when one of the processes has ended, KeyboardInterrupt after Ctrl-C."""
         INTERRUPT.check()
-        for child in self._children:
+        for child in self.children.values():
             if sentence := child.ended():
                 raise GraphError(sentence)
 
     def close(self, keep_bag: bool) -> None:
         """End all processes, the driving one first so that its last command is zero."""
-        for child in reversed(self._children):
+        for child in reversed(self.children.values()):
             child.stop()
-        self._children.clear()
+        self.children.clear()
         if self.recorder is not None:
             recorder, self.recorder = self.recorder, None
             recorder.close() if keep_bag else recorder.abort()
-        if self._node is not None:
+        if self.node is not None:
             self._executor.shutdown()
-            self._node.destroy_node()
-            self._node = None
+            self.node.destroy_node()
+            self.node = None
         self.context.try_shutdown()
 
     def _join(self) -> None:
@@ -227,17 +263,17 @@ class Graph:
             domain_id=self.domain,
             signal_handler_options=SignalHandlerOptions.NO,
         )
-        self._node = Node("demo", context=self.context)
-        self._start_client = self._node.create_client(StartEpisode, "simulator/start_episode")
-        self._end_client = self._node.create_client(EndEpisode, "simulator/end_episode")
-        self._navigate_client = ActionClient(self._node, NavigateToObject, "navigate_to_object")
+        self.node = Node("demo", context=self.context)
+        self._start_client = self.node.create_client(StartEpisode, "simulator/start_episode")
+        self._end_client = self.node.create_client(EndEpisode, "simulator/end_episode")
+        self._navigate_client = ActionClient(self.node, NavigateToObject, "navigate_to_object")
         # Turned by the waits of this thread alone: a second one could take an answer in before
         # rclpy has noted that it was asked for.
         self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         end = time.monotonic() + DISCOVERY_S
         while time.monotonic() < end:
-            others = [n for n in self._node.get_node_names() if n != self._node.get_name()]
+            others = [n for n in self.node.get_node_names() if n != self.node.get_name()]
             if others:
                 raise GraphError(
                     f"ROS domain {self.domain} is in use on this machine by {', '.join(others)}; "
@@ -250,24 +286,25 @@ class Graph:
         config = self.config
         self.config.logs.mkdir(parents=True, exist_ok=True)
         sim_time = ["-p", "use_sim_time:=true"]
-        policy = ["-p", f"episode.veto:={str(config.veto).lower()}"]
+        lock_step = ["-p", f"lock_step:={str(config.lock_step).lower()}"]
+        policy = [*lock_step, "-p", f"episode.veto:={str(config.veto).lower()}"]
         if config.bundle is not None:
             policy += ["-p", f"bundle:={config.bundle.resolve()}"]
         nodes = (
             ("sim_bridge", "mock_turtlebot4", [
-                "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}"]),
+                "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}", *lock_step]),
             ("cfnav_ros", "lidar_collision_node", sim_time),
             ("cfnav_ros", "policy_node", [*sim_time, *policy]),
         )  # fmt: skip
         for package, executable, parameters in nodes:
             command = [*node_command(package, executable), "--ros-args", *parameters]
             log = config.logs / f"{executable}.log"
-            self._children.append(Child(executable, command, log, os.environ))
+            self.children[executable] = Child(executable, command, log, os.environ)
 
     def _wait_until_ready(self) -> None:
         """Wait until the services, the action and the first collision estimate are there."""
         estimates: list[CollisionEstimate] = []
-        listener = self._node.create_subscription(
+        listener = self.node.create_subscription(
             CollisionEstimate, "collision/estimate", estimates.append, 1
         )
         conditions = {
@@ -280,28 +317,10 @@ class Graph:
             for topic in HEARD:
                 conditions[f"{topic} in the bag"] = lambda topic=topic: recorder.count(topic) > 0
         for name, ready in conditions.items():
-            self._until(ready, READY_S, name)
-        self._node.destroy_subscription(listener)
-
-    def _call(self, client: Any, request: Any, name: str) -> Any:
-        return self._wait(client.call_async(request), REQUEST_S, f"answer of {name}")
+            self.until(ready, READY_S, name)
+        self.node.destroy_subscription(listener)
 
     def _wait(self, future: Future, patience_s: float, what: str) -> Any:
         """Return the result of a future."""
-        self._until(future.done, patience_s, what)
+        self.until(future.done, patience_s, what)
         return future.result()
-
-    def _until(self, condition: Callable[[], bool], patience_s: float, what: str) -> None:
-        """Receive and watch the processes until a condition holds.
-
-        Raises:
-            GraphError: a process ended, or the condition did not come true in time.
-        """
-        end = time.monotonic() + patience_s
-        while not condition():
-            self.check()
-            if time.monotonic() > end:
-                raise GraphError(
-                    f"no {what} within {patience_s:.0f} s; see the logs in {self.config.logs}"
-                )
-            self._executor.spin_once(timeout_sec=0.1)

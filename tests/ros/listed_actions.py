@@ -43,6 +43,19 @@ class ActionTable(NavModel):
         return logits + rest, logits[:, :1], {k: v + 0 for k, v in state.items()}
 
 
+def write_bundle(out: Path, model: NavModel, goals: tuple[str, ...], perception=None) -> None:
+    """Write a bundle that drives with a model, with perception that has learnt nothing."""
+    out.mkdir()
+    export_perception(perception or PerceptionNet(), out / "perception.onnx")
+    inputs = Inputs((FEATURES,), 5, CATEGORIES)
+    predictor = CollisionPredictor(inputs.features)
+    tables = RewardTables.of("baseline", Knowledge())
+    agent = Agent(model, predictor, REWARDS["baseline"], tables)
+    export_networks(agent, inputs, out)
+    hashes = {name: file_hash(out / name) for name in NETWORKS}
+    BundleHead(out.name, "ours", True, CATEGORIES, goals, hashes, {}, {}).save(out)
+
+
 class ListedActions:
     """Makes each bundle once, in a folder named after its actions."""
 
@@ -55,15 +68,5 @@ class ListedActions:
         """Return the folder of the bundle that answers these actions."""
         out = self.folder / "-".join(names)
         if not out.exists():
-            out.mkdir()
-            export_perception(self.perception, out / "perception.onnx")
-            inputs = Inputs((FEATURES,), 5, CATEGORIES)
-            predictor = CollisionPredictor(inputs.features)
-            tables = RewardTables.of("baseline", Knowledge())
-            agent = Agent(ActionTable(names), predictor, REWARDS["baseline"], tables)
-            export_networks(agent, inputs, out)
-            hashes = {name: file_hash(out / name) for name in NETWORKS}
-            BundleHead(out.name, "ours", True, CATEGORIES, ("Laptop", "Mug"), hashes, {}, {}).save(
-                out
-            )
+            write_bundle(out, ActionTable(names), ("Laptop", "Mug"), self.perception)
         return out

@@ -1,0 +1,121 @@
+"""Runs of the fault matrix -> one line a cell, a Markdown table, a picture. Knows no ROS."""
+
+from __future__ import annotations
+
+import statistics
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tests.deploy.expectations import EXPECTATIONS, Phase
+
+COLOURS = {True: "#2a9d8f", False: "#e76f51"}
+"""As expected or not; told apart in grey too."""
+
+
+def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One dictionary for each cell that was measured, in the order of the expectations."""
+    runs = defaultdict(list)
+    for row in rows:
+        runs[row["fault"], row["phase"]].append(row)
+    cells = []
+    for expected in EXPECTATIONS:
+        made = runs.get((expected.fault, expected.phase.value))
+        if not made:
+            continue
+        stops = [row["stop_s"] for row in made]
+        reactions = Counter(row["reaction"] for row in made)
+        cells.append({
+            "fault": expected.fault,
+            "phase": expected.phase.value,
+            "reaction": reactions.most_common(1)[0][0],
+            "reactions": dict(reactions),
+            "expected": expected.reaction.value,
+            "reason": expected.reason,
+            "runs": len(made),
+            "stop_s_min": min(stops),
+            "stop_s_median": statistics.median(stops),
+            "stop_s_max": max(stops),
+            "bound_s": None if expected.bound_s is None else round(expected.bound_s, 3),
+            "as_expected": all(row["as_expected"] for row in made),
+            "runs_as_expected": sum(row["as_expected"] for row in made),
+            "contacts": sum(row["contacts"] for row in made),
+            "commits": sorted({row["commit"] for row in made}),
+            "message": next((row["message"] for row in made if row["message"]), ""),
+        })  # fmt: skip
+    return cells
+
+
+def table(cells: Sequence[dict[str, Any]]) -> str:
+    """The cells as Markdown, what was not as expected first told in a sentence."""
+    met = sum(cell["as_expected"] for cell in cells)
+    lines = [
+        f"{met} of {len(cells)} cells as expected, {sum(c['runs'] for c in cells)} runs, "
+        f"{sum(c['contacts'] for c in cells)} contacts, at commit "
+        f"{', '.join(sorted({name for c in cells for name in c['commits']}))}.",
+        "",
+        "| fault | phase | expected | found | rest min / median / max, bound (s) | as expected |",
+        "|---|---|---|---|---|---|",
+    ]
+    for cell in cells:
+        found = ", ".join(
+            name if count == cell["runs"] else f"{name} {count}"
+            for name, count in cell["reactions"].items()
+        )
+        times = " / ".join(f"{cell[f'stop_s_{k}']:.2f}" for k in ("min", "median", "max"))
+        bound = "" if cell["bound_s"] is None else f", {cell['bound_s']:.2f}"
+        met_text = f"{cell['runs_as_expected']} of {cell['runs']}"
+        lines.append(
+            f"| {cell['fault']} | {cell['phase']} | {cell['expected']} | {found} | "
+            f"{times if bound else ''}{bound} | {met_text} |"
+        )
+    return "\n".join(lines)
+
+
+def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:
+    """Faults by phases: colour by as expected or not, the longest time and its bound as text."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    faults = list(dict.fromkeys(cell["fault"] for cell in cells))
+    phases = [phase.value for phase in Phase]
+    columns = 3
+    per_column = -(-len(faults) // columns)
+    figure, axes = plt.subplots(
+        1, columns, figsize=(15, 1.0 + 0.27 * per_column), squeeze=False, layout="constrained"
+    )
+    for column, axis in enumerate(axes[0]):
+        part = faults[column * per_column : (column + 1) * per_column]
+        for cell in cells:
+            if cell["fault"] in part:
+                _draw_cell(axis, phases.index(cell["phase"]), part.index(cell["fault"]), cell)
+        axis.set(xlim=(0, len(phases)), ylim=(per_column, 0))
+        axis.set_xticks([k + 0.5 for k in range(len(phases))], phases)
+        axis.set_yticks([k + 0.5 for k in range(len(part))], part, fontsize=8)
+        axis.xaxis.tick_top()
+        axis.tick_params(length=0)
+        axis.spines[:].set_visible(False)
+    met = sum(cell["as_expected"] for cell in cells)
+    figure.suptitle(
+        f"{met} of {len(cells)} cells as expected (teal; others orange): reaction, "
+        "longest time to rest / bound in seconds"
+    )
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def _draw_cell(axis: Any, x: int, y: int, cell: dict[str, Any]) -> None:
+    colour = COLOURS[cell["as_expected"]]
+    from matplotlib.patches import Rectangle
+
+    axis.add_patch(Rectangle((x + 0.02, y + 0.05), 0.96, 0.9, color=colour))
+    text = cell["reaction"]
+    if cell["reaction"] not in ("refuse", "ride_through") and cell["bound_s"] is not None:
+        text += f" {cell['stop_s_max']:.2f} / {cell['bound_s']:.2f}"
+    elif cell["reaction"] != cell["expected"]:
+        text += f", not {cell['expected']}"
+    text = text.replace("_", " ")
+    axis.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7, color="white")
