@@ -24,7 +24,7 @@ TEST_ROOMS = ",".join(
     for kind in ("kitchen", "living_room", "bedroom", "bathroom")
 )
 
-CONDITIONS = ("bundle", "speed", "veto")
+CONDITIONS = ("bundle", "speed", "veto", "lock_step")
 """What each line repeats, and what all lines of a file must share."""
 
 
@@ -40,6 +40,8 @@ class TrialsConfig(DemoConfig):
     """Number of episodes."""
     veto: bool = False
     """The LiDAR may forbid a MoveAhead; off where the policy itself is measured."""
+    lock_step: bool = True
+    """The simulator waits for the policy at every moment, so that each episode repeats itself."""
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
@@ -73,7 +75,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
 
     known = known_goals(config)
     rows = read_rows(config.out)
-    values = (str(config.bundle or "shipped"), config.speed, config.veto)
+    values = (str(config.bundle or "shipped"), config.speed, config.veto, config.lock_step)
     conditions = dict(zip(CONDITIONS, values, strict=True))
     for row in rows:
         found = {name: row.get(name) for name in CONDITIONS}
@@ -95,6 +97,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
         bundle=config.bundle,
         veto=config.veto,
         domain=config.domain,
+        lock_step=config.lock_step,
     )
 
     def done(trial: Trial, outcome: Outcome) -> None:

@@ -168,7 +168,7 @@ def test_a_domain_in_use_is_refused(demo: Callable, listener: Callable, ros_doma
     assert sentence in process.output
 
 
-def test_trials_go_on_where_they_stopped(
+def test_trials_go_on_where_they_stopped_and_repeat_themselves(
     start_process: Callable, ros_domain_id: int, eager_bundle: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "trials.jsonl"
@@ -188,5 +188,9 @@ def test_trials_go_on_where_they_stopped(
     assert [row["trial"]["room"] for row in both] == ["bathroom:20"] * 2
     assert both[0]["trial"]["goal"] != both[1]["trial"]["goal"]
     assert [row["steps"] for row in both] == [7, 7]
+    out.unlink()
+    again = run(*mine, "--episodes", "1")[0]
+    assert again.pop("path_length_m") == pytest.approx(first[0]["path_length_m"], abs=1e-9)
+    assert again.items() <= first[0].items()
     other = start_process("cfnav_ros.trials", *fixed, "--bundle", str(tmp_path / "other"))
     assert other.wait() == 1

@@ -7,7 +7,13 @@ from cfnav_ros.live_results import live_results
 
 
 def write(path, rows, **conditions):
-    base = {"bundle": path.stem, "speed": 2.0, "veto": False, "commit": "abc"} | conditions
+    base = {
+        "bundle": path.stem,
+        "speed": 2.0,
+        "veto": False,
+        "lock_step": True,
+        "commit": "abc",
+    } | conditions
     path.write_text("".join(
         json.dumps({
             "trial": {"room": room, "goal": goal, "seed": 0}, **base, "goal": goal, "room": room,
