@@ -266,7 +266,7 @@ class Episode:
             return Output()
         decision: Decision = answer.result()
         self.decision = decision
-        vetoed = decision.action is Action.MoveAhead and self._vetoes(seen)
+        vetoed = self._vetoes(decision.action, seen)
         self.steps += 1
         self.vetoes += vetoed
         scan_ns = seen.estimate.stamp_ns if self._limits.lidar else 0
@@ -276,10 +276,16 @@ class Episode:
             return Output(record=record)
         return replace(self._execute(decision.action, t, inputs), record=record)
 
-    def _vetoes(self, seen: Inputs) -> bool:
-        """Whether the way ahead is not free, or not the one that was seen."""
+    def _vetoes(self, action: Action, seen: Inputs) -> bool:
+        """Whether an action needs another look instead.
+
+        The way ahead is not free, or what the action is about was seen from another place: the way,
+        or the goal. A turn keeps to its heading wherever it starts.
+        """
+        if action not in (Action.MoveAhead, Action.Done):
+            return False
         limits = self._limits
-        watched = limits.veto and limits.lidar
+        watched = action is Action.MoveAhead and limits.veto and limits.lidar
         taken = watched and seen.estimate.estimate.probability >= limits.veto_probability
         return taken or self._conduct.displaced
 
