@@ -138,6 +138,7 @@ class Episode:
         """
         if self._begun == NEVER:
             self._begun = self._since = self._t = t
+            self._check_goal()
         if self.ended:
             return Output()
         self._check_clock(t)
@@ -165,6 +166,11 @@ class Episode:
 
     # Watching
 
+    def _check_goal(self) -> None:
+        refusal = self._policy.admits(self.goal)
+        if refusal:
+            self.fail(f"The policy does not take this goal: {refusal}.")
+
     def _check_clock(self, t: float) -> None:
         before, self._t = self._t, t
         if t < before:
@@ -190,9 +196,10 @@ class Episode:
     def _preflight(self, t: float, inputs: Inputs) -> Output:
         answer = self._answer
         if answer is None:
-            fault = self._refusal(inputs)
-            if fault:
-                self.fail(fault)
+            try:
+                inputs.frame.decode()
+            except ValueError as error:
+                self.fail(str(error))
                 return Output()
             answer = self._answer = self._submit(self._policy.reset, self.goal)
         if not inputs.base.ready or not answer.done() or self._watch.blindness(inputs):
@@ -205,17 +212,6 @@ class Episode:
         self._conduct.start(t, inputs)
         self._origin = inputs.odometry.yaw
         return self._tilt_to(0, t)
-
-    def _refusal(self, inputs: Inputs) -> str:
-        if self.goal not in self._policy.goals:
-            return (
-                f"The bundle knows no goal {self.goal!r}; it knows {', '.join(self._policy.goals)}."
-            )
-        try:
-            inputs.frame.decode()
-        except ValueError as error:
-            return str(error)
-        return ""
 
     def _observe(self, t: float, inputs: Inputs) -> Output:
         if self.steps >= self._limits.max_steps:
