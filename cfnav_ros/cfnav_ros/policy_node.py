@@ -297,12 +297,13 @@ class PolicyNode(Node):
             spend: takes at most so many seconds, if possible serving what is still asked for.
         """
         self._velocity.send(STOP)
+        owed = self._velocity.speaks or self._goals.current is not None  # zeros, or a result
         self._goals.close()
         end = time.monotonic() + BURST_S
         if self._episode is not None:
             self._episode.fail("The policy node was stopped.")
             self._end(self._episode)
-        while self._velocity.speaks and time.monotonic() < end:
+        while owed and time.monotonic() < end:
             self._velocity.send(STOP)
             try:
                 spend(0.05)
