@@ -42,6 +42,15 @@ class Observation:
     detections: np.ndarray
 
 
+def check_size(height: int, width: int) -> None:
+    """Raise PerceptionError when pictures of a size, pixels, cannot be used."""
+    if min(height, width) < INPUT_SIZE or abs(height - width) > 0.01 * max(height, width):
+        raise PerceptionError(
+            f"found a picture of {width}x{height} pixels, expected a square one of at least "
+            f"{INPUT_SIZE}x{INPUT_SIZE}; crop or pad it first"
+        )
+
+
 def preprocess(rgb: np.ndarray) -> np.ndarray:
     """Scale a picture to the network's input by averaging, whatever its size.
 
@@ -63,11 +72,7 @@ def preprocess(rgb: np.ndarray) -> np.ndarray:
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
         raise PerceptionError(f"found a picture {rgb.dtype} {rgb.shape}, expected uint8 [H, W, 3]")
     h, w = rgb.shape[:2]
-    if min(h, w) < INPUT_SIZE or abs(h - w) > 0.01 * max(h, w):
-        raise PerceptionError(
-            f"found a picture of {w}x{h} pixels, expected a square one of at least "
-            f"{INPUT_SIZE}x{INPUT_SIZE}; crop or pad it first"
-        )
+    check_size(h, w)
     if h == w == INPUT_SIZE:
         return np.ascontiguousarray(rgb)
     return np.asarray(Image.fromarray(rgb).resize((INPUT_SIZE, INPUT_SIZE), Image.Resampling.BOX))

@@ -6,7 +6,7 @@ Time is node time in seconds.
 from __future__ import annotations
 
 from cfnav_ros.disturbance import Standing
-from cfnav_ros.inputs import Inputs
+from cfnav_ros.inputs import NEVER, Inputs
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import Motion, Status
 from cfnav_ros.track import Track
@@ -17,6 +17,20 @@ PRESSED_S = 0.3
 REFLEX_S = 2.0
 """A base that moves by itself so soon after a bump backs off by reflex (create3_sim: at most 0.15 m
 at 0.14 m/s); nobody pushes it."""
+
+
+class Reported:
+    """When a report last came, by node time: what its sender's clock says does not matter."""
+
+    def __init__(self, stamp: float = NEVER) -> None:
+        """The report with this stamp, seconds, is an old one."""
+        self._stamp, self._at = stamp, NEVER
+
+    def within(self, t: float, stamp: float, limit: float) -> bool:
+        """Take the stamp of the newest report; whether one came in the last ``limit`` seconds."""
+        if stamp != self._stamp:
+            self._stamp, self._at = stamp, t
+        return t - self._at < limit
 
 
 class Conduct:
@@ -31,11 +45,14 @@ class Conduct:
         """What was seen before this time was seen from elsewhere, or on the way."""
         self._limits = limits
         self._standing = Standing()
+        self._bump, self._front_bump = Reported(), Reported()
         self._failed_motions = self._stalls = 0
 
     def start(self, t: float, inputs: Inputs) -> None:
         """The episode drives from now on; what was reported before is old."""
         self.track = Track(inputs.bumped_at)
+        self._bump = Reported(inputs.bumped_at)
+        self._front_bump = Reported(inputs.front_bumped_at)
         self.stands_from = t
 
     def look(self) -> None:
@@ -49,8 +66,9 @@ class Conduct:
     def follow(self, t: float, inputs: Inputs, motion: Motion | None) -> str:
         """Take account of odometry, bumps, and motion that nobody commanded."""
         sample = inputs.odometry
-        bumped = self.track.bump(inputs.bumped_at) or t - inputs.front_bumped_at < PRESSED_S
-        if motion and bumped:
+        pressed = self._front_bump.within(t, inputs.front_bumped_at, PRESSED_S)
+        reflex = self._bump.within(t, inputs.bumped_at, REFLEX_S)
+        if (self.track.bump(inputs.bumped_at) or pressed) and motion:
             motion.bump()
         if not self.track.odometry(sample):
             return "Odometry jumped: its pose was reset, or the robot was moved."
@@ -60,7 +78,7 @@ class Conduct:
             if slip:
                 motion.block(slip, Status.STALLED)
         elif self._standing.moved(sample, self.rests()):
-            return self._pushed(t, inputs)
+            return self._pushed(t, reflex)
         return ""
 
     def end_motion(self, t: float, inputs: Inputs, motion: Motion, status: Status) -> str:
@@ -75,12 +93,13 @@ class Conduct:
             return f"{self._stalls} motions failed: {motion.reason}"
         if self._failed_motions >= limits.max_failed_motions:
             return f"{self._failed_motions} motions failed: {motion.reason}"
-        return self._pushed(t, inputs) if status is Status.PUSHED else ""
+        reflex = self._bump.within(t, inputs.bumped_at, REFLEX_S)
+        return self._pushed(t, reflex) if status is Status.PUSHED else ""
 
-    def _pushed(self, t: float, inputs: Inputs) -> str:
+    def _pushed(self, t: float, reflex: bool) -> str:
         """The base moved by itself: what was seen before is of another place."""
         self.stands_from, self.displaced = t, True
-        if t - inputs.bumped_at <= REFLEX_S:
+        if reflex:
             return ""
         self.pushes += 1
         if self.pushes < self._limits.max_pushes:

@@ -138,6 +138,7 @@ class Episode:
         """
         if self._begun == NEVER:
             self._begun = self._since = self._t = t
+            self._check_goal()
         if self.ended:
             return Output()
         self._check_clock(t)
@@ -165,6 +166,11 @@ class Episode:
 
     # Watching
 
+    def _check_goal(self) -> None:
+        refusal = self._policy.admits(self.goal)
+        if refusal:
+            self.fail(f"The policy does not take this goal: {refusal}.")
+
     def _check_clock(self, t: float) -> None:
         before, self._t = self._t, t
         if t < before:
@@ -190,9 +196,10 @@ class Episode:
     def _preflight(self, t: float, inputs: Inputs) -> Output:
         answer = self._answer
         if answer is None:
-            fault = self._refusal(inputs)
-            if fault:
-                self.fail(fault)
+            try:
+                inputs.frame.decode()
+            except ValueError as error:
+                self.fail(str(error))
                 return Output()
             answer = self._answer = self._submit(self._policy.reset, self.goal)
         if not inputs.base.ready or not answer.done() or self._watch.blindness(inputs):
@@ -205,17 +212,6 @@ class Episode:
         self._conduct.start(t, inputs)
         self._origin = inputs.odometry.yaw
         return self._tilt_to(0, t)
-
-    def _refusal(self, inputs: Inputs) -> str:
-        if self.goal not in self._policy.goals:
-            return (
-                f"The bundle knows no goal {self.goal!r}; it knows {', '.join(self._policy.goals)}."
-            )
-        try:
-            inputs.frame.decode()
-        except ValueError as error:
-            return str(error)
-        return ""
 
     def _observe(self, t: float, inputs: Inputs) -> Output:
         if self.steps >= self._limits.max_steps:
@@ -266,7 +262,7 @@ class Episode:
             return Output()
         decision: Decision = answer.result()
         self.decision = decision
-        vetoed = decision.action is Action.MoveAhead and self._vetoes(seen)
+        vetoed = self._vetoes(decision.action, seen)
         self.steps += 1
         self.vetoes += vetoed
         scan_ns = seen.estimate.stamp_ns if self._limits.lidar else 0
@@ -276,10 +272,16 @@ class Episode:
             return Output(record=record)
         return replace(self._execute(decision.action, t, inputs), record=record)
 
-    def _vetoes(self, seen: Inputs) -> bool:
-        """Whether the way ahead is not free, or not the one that was seen."""
+    def _vetoes(self, action: Action, seen: Inputs) -> bool:
+        """Whether an action needs another look instead.
+
+        The way ahead is not free, or what the action is about was seen from another place: the way,
+        or the goal. A turn keeps to its heading wherever it starts.
+        """
+        if action not in (Action.MoveAhead, Action.Done):
+            return False
         limits = self._limits
-        watched = limits.veto and limits.lidar
+        watched = action is Action.MoveAhead and limits.veto and limits.lidar
         taken = watched and seen.estimate.estimate.probability >= limits.veto_probability
         return taken or self._conduct.displaced
 

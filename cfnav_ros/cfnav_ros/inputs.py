@@ -33,7 +33,7 @@ def seconds(stamp_ns: int) -> float:
     return NEVER if stamp_ns == NEVER_NS else stamp_ns * 1e-9
 
 
-def _no_picture() -> np.ndarray:
+def _no_picture(_: int = 1) -> np.ndarray:
     raise ValueError("No picture has arrived.")
 
 
@@ -41,11 +41,12 @@ def _no_picture() -> np.ndarray:
 class Frame:
     """A picture; ``decode`` gives uint8 [H, W, 3] RGB or raises ValueError with one sentence.
 
-    ``height`` and ``width`` are in pixels; ``data`` are its bytes, for comparison only.
+    ``decode(n)`` gives every n-th row and column only. ``height`` and ``width`` are in pixels;
+    ``data`` are its bytes, for comparison only.
     """
 
     stamp_ns: int = NEVER_NS
-    decode: Callable[[], np.ndarray] = _no_picture
+    decode: Callable[..., np.ndarray] = _no_picture
     height: int = 0
     width: int = 0
     data: Any = None

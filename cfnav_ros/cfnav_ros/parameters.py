@@ -52,7 +52,10 @@ class PolicyParameters:
         2.0, "a node clock that stands this long ends an episode, real s", 0.5, 60.0
     )
     frozen_picture_time: float = setting(
-        1.0, "one picture under new stamps is frozen, s; 0: never", 0.0, 60.0
+        1.0,
+        "one picture under new stamps is frozen, s; 0: never, for simulators without noise",
+        0.0,
+        60.0,
     )
     episode: EpisodeLimits = field(default_factory=EpisodeLimits)
 

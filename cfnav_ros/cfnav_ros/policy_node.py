@@ -65,9 +65,7 @@ class PolicyNode(Node):
     def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
         settings = self._settings = declare(self, PolicyParameters, self._adopt)
-        # Only what was asked for is passed on: "onnx" is every version's default.
-        backend = {"backend": settings.backend} if settings.backend != "onnx" else {}
-        self._policy = Policy.load(settings.bundle or None, **backend)
+        self._policy = Policy.load(settings.bundle or None, settings.backend)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._episode: Episode | None = None
         self._begun_at = 0.0
@@ -111,7 +109,7 @@ class PolicyNode(Node):
         probability = "collision/estimate" if episode.lidar else "the bundle's own predictor"
         veto = "on" if episode.lidar and episode.veto else "off"
         self.get_logger().info(
-            f"Bundle {self._policy.name} drives. Pictures from "
+            f"Bundle {self._policy.name} drives, run by {self._settings.backend}. Pictures from "
             f"{self._senses.image_topic}, collision probability from {probability}, "
             f"LiDAR veto {veto}, velocities to {self._velocity.topic}. "
             f"Goals: {', '.join(self._policy.goals)}."
@@ -299,12 +297,13 @@ class PolicyNode(Node):
             spend: takes at most so many seconds, if possible serving what is still asked for.
         """
         self._velocity.send(STOP)
+        owed = self._velocity.speaks or self._goals.current is not None  # zeros, or a result
         self._goals.close()
         end = time.monotonic() + BURST_S
         if self._episode is not None:
             self._episode.fail("The policy node was stopped.")
             self._end(self._episode)
-        while self._velocity.speaks and time.monotonic() < end:
+        while owed and time.monotonic() < end:
             self._velocity.send(STOP)
             try:
                 spend(0.05)

@@ -92,7 +92,9 @@ class Senses:
         self._take("odometry", conversions.odometry_from_message, message)
 
     def _on_joints(self, message: JointState) -> None:
-        self._take("tilt", conversions.tilt_from_message, message, self._settings.tilt_joint)
+        joint = self._settings.tilt_joint
+        otherwise = f"{self._listeners['tilt'].topic_name} gives no position of {joint}"
+        self._take("tilt", conversions.tilt_from_message, message, joint, otherwise=otherwise)
 
     def _on_hazards(self, message: HazardDetectionVector) -> None:
         self._take("bumped_at", conversions.bump_from_message, message)
@@ -104,8 +106,17 @@ class Senses:
     def _on_wheels(self, message: WheelStatus) -> None:
         self.inputs = replace(self.inputs, powered=message.wheels_enabled)
 
-    def _take(self, name: str, convert: Callable[..., Any], *message: Any) -> None:
-        """Keep a message; one that makes no sense is left out, so that its input grows old."""
+    def _take(
+        self, name: str, convert: Callable[..., Any], *message: Any, otherwise: str = ""
+    ) -> None:
+        """Keep a message; one that makes no sense is left out, so that its input grows old.
+
+        Args:
+            name: field of ``Inputs``.
+            convert: gives the field's value, or None when the message speaks of something else.
+            message: what it is given.
+            otherwise: note for a message that speaks of something else.
+        """
         self._heard.add(name)
         if name in self._rates:
             self._rates[name].note(time.monotonic())
@@ -116,7 +127,10 @@ class Senses:
             self._node.get_logger().warning(str(error), throttle_duration_sec=2.0)
             self.inputs = replace(self.inputs, notes={**notes, name: str(error).rstrip(".")})
             return
-        if value is not None:  # None: it speaks of something else
+        if value is None:
+            notes = {**notes, name: otherwise} if otherwise else notes
+            self.inputs = replace(self.inputs, notes=notes)
+        else:
             now = self._node.get_clock().now().nanoseconds * 1e-9
             arrived = {**self.inputs.arrived, name: now}
             self.inputs = replace(self.inputs, **{name: value}, arrived=arrived, notes=notes)

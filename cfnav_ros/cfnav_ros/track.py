@@ -66,7 +66,7 @@ class Track:
     def bump(self, stamp: float) -> bool:
         """Take the stamp of the newest bump report, seconds; True when it is a new contact."""
         before, self._bumped_at = self._bumped_at, stamp
-        new = stamp > before + BUMP_GAP_S
+        new = abs(stamp - before) > BUMP_GAP_S  # back, too, should one stamp have been ahead
         self.bumps += new
         return new
 

@@ -30,7 +30,7 @@ class ScriptedPolicy:
         self.seen, self.calls = [], []
 
     def admits(self, goal):
-        return "" if goal in self.goals else f"There is no {goal!r}; there are Laptop, Mug."
+        return "" if goal in self.goals else f"found goal {goal!r}, expected one of Laptop, Mug"
 
     def reset(self, goal):
         self.calls.append(("reset", goal))

@@ -61,6 +61,13 @@ def test_colours_arrive_whatever_the_encoding(rgb, encoding, padding):
     assert np.array_equal(got, rgb)
 
 
+@pytest.mark.parametrize("encoding", ["rgb8", "bgra8", "mono8"])
+def test_rows_and_columns_can_be_left_out(rgb, encoding):
+    message = encoded(rgb, encoding, padding=2)
+    whole = conversions.image_to_rgb(message)
+    assert np.array_equal(conversions.image_to_rgb(message, 3), whole[::3, ::3])
+
+
 def test_grey_becomes_three_equal_channels(rgb):
     got = conversions.image_to_rgb(encoded(rgb, "mono8", padding=1))
     assert np.array_equal(got, np.repeat(rgb[:, :, :1], 3, axis=2))

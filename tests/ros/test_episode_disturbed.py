@@ -75,6 +75,26 @@ def test_a_move_decided_before_a_push_is_not_executed():
     assert (robot.x, robot.y) == before
 
 
+def test_done_decided_before_a_push_means_looking_again():
+    robot, slow = Robot(), Slow()
+    episode, policy = episode_of(Action.Done, Action.RotateLeft, Action.Done, submit=slow)
+    robot.run(episode, until=lambda e: e.phase is Phase.THINK)
+    for _ in range(4):
+        robot.tick(episode)
+    push(robot, episode)
+    pushed_at = robot.t
+    slow.waiting.clear()
+    robot.run(episode, until=lambda e: e.steps == 1)
+    assert (episode.outcome, robot.records[0][1].vetoed) == ("", True)
+    for _ in range(2):
+        robot.run(episode, until=lambda e: e.phase is Phase.THINK)
+        slow.waiting.clear()
+        robot.run(episode, until=lambda e: e.phase is not Phase.THINK)
+    robot.run(episode)
+    assert (episode.outcome, episode.steps, policy.actions) == ("done", 3, [])
+    assert robot.records[1][1].image_stamp_ns * 1e-9 > pushed_at
+
+
 def test_a_turn_decided_before_a_push_waits_until_the_base_stands():
     robot, slow = Robot(), Slow()
     episode, _ = episode_of(Action.RotateLeft, Action.Done, submit=slow)
@@ -137,6 +157,33 @@ def test_a_pressed_bumper_forbids_driving_ahead_but_no_turn():
         robot.tick(episode)
     assert (episode.outcome, robot.x, robot.y) == ("done", 0.0, 0.0)
     assert math.degrees(robot.yaw) == pytest.approx(45, abs=1)
+
+
+@pytest.mark.parametrize("skew", [0.0, 5.0, -5.0])
+def test_one_bump_stamped_by_another_clock_blocks_only_while_it_is_new(skew):
+    robot = Robot()
+    episode, _ = episode_of(*[Action.MoveAhead] * 4, Action.Done)
+    robot.run(episode, until=driving)
+    robot.bumped_at = robot.front_bumped_at = robot.t + skew
+    robot.tick(episode)
+    assert robot.commands[-1][1] == STOP
+    x = robot.x
+    robot.run(episode)
+    assert (episode.outcome, episode.track.bumps) == ("done", 1)
+    # The next move begins while the bumper may still be pressed; the two after it are driven.
+    assert robot.x - x == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_push_long_after_a_bump_stamped_ahead_is_a_push():
+    robot = Robot()
+    episode, _ = episode_of(*[Action.RotateLeft] * 3, Action.Done)
+    robot.run(episode, until=observing)
+    robot.bumped_at = robot.t + 60.0
+    robot.run(episode, until=lambda e: e.steps == 2)
+    robot.run(episode, until=observing)
+    assert robot.t - 100.0 > 2.5
+    push(robot, episode)
+    assert episode.pushes == 1
 
 
 def test_wheels_that_slip_end_a_motion_soon_and_then_the_episode():

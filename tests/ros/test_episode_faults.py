@@ -12,17 +12,31 @@ from cfnav_ros.preflight import BaseCheck
 
 from cfnav_core.actions import Action
 
-from .scripted_robot import BLIND, DT, FREE, Robot, driving, episode_of, run_now
+from .scripted_robot import BLIND, DT, FREE, READY, Robot, driving, episode_of, run_now
 
 
-def test_an_unknown_goal_is_refused_with_the_known_ones():
+@pytest.mark.parametrize("base", [READY, BaseCheck(waiting="No robot listens on /cmd_vel.")])
+def test_an_unknown_goal_is_refused_at_once_with_the_known_ones(base):
     robot = Robot()
+    robot.base = base
+    robot.sense()
+    robot.inputs = dataclasses.replace(Inputs(), base=base)
+    robot.frozen = {"frame", "odometry", "estimate", "tilt"}
     episode, policy = episode_of(Action.Done, goal="Unicorn")
-    robot.run(episode)
-    assert episode.outcome == "refused"
-    assert "'Unicorn'" in episode.message
-    assert "Laptop, Mug" in episode.message
+    robot.tick(episode)
+    assert (episode.ended, episode.outcome) == (True, "refused")
+    assert episode.message == (
+        "The policy does not take this goal: found goal 'Unicorn', expected one of Laptop, Mug."
+    )
     assert policy.calls == []
+
+
+def test_what_a_policy_admits_beyond_its_trained_goals_is_looked_for():
+    robot = Robot()
+    episode, policy = episode_of(Action.Done, goal="Chair")
+    policy.admits = lambda goal: "" if goal == "Chair" else "found another goal"
+    robot.run(episode)
+    assert (episode.outcome, policy.calls[0]) == ("done", ("reset", "Chair"))
 
 
 def test_a_picture_that_cannot_be_read_is_refused():

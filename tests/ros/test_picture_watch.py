@@ -1,6 +1,7 @@
 """Frozen, empty and unsuitable pictures, without ROS."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -28,7 +29,11 @@ class Camera:
         for _ in range(count):
             self.t += PERIOD_S
             frame = Frame(
-                round(self.t * 1e9), lambda: rgb, rgb.shape[0], rgb.shape[1], rgb.tobytes()
+                round(self.t * 1e9),
+                lambda every=1: rgb[::every, ::every],
+                rgb.shape[0],
+                rgb.shape[1],
+                rgb.tobytes(),
             )
             odometry = Odometry(self.t + self.lag, *self.pose)
             answer = self.watch.look(frame, odometry, Tilt(self.t, self.tilt))
@@ -107,6 +112,28 @@ def test_an_empty_picture_is_told_even_through_noise(level):
     assert "shows nothing" in camera.show(blank, count=30).waiting
 
 
+@pytest.mark.parametrize("size", [150, 250, 300, 1080])
+def test_of_a_large_picture_only_so_much_is_looked_at(size):
+    def decode(every):
+        rows = len(range(0, size, every))
+        assert rows < 200
+        shown.append(rows)
+        return np.full((rows, rows, 3), 128, np.uint8)
+
+    shown = []
+    frame = Frame(1, decode, size, size, b"1")
+    check = PictureWatch(1.0).look(frame, Odometry(0, 0, 0, 0), Tilt())
+    assert "shows nothing" in check.waiting
+    assert min(shown) >= 100
+
+
+@pytest.mark.parametrize("level", [3, 128])
+def test_noise_of_a_large_picture_is_no_view(level):
+    noise = np.random.default_rng(0).normal(level, 3.0, (1080, 1080, 3))
+    camera = Camera()
+    assert "shows nothing" in camera.show(noise.round().clip(0, 255).astype(np.uint8)).waiting
+
+
 def test_a_dim_view_is_a_view():
     rgb = np.full((300, 300, 3), 20, np.uint8)
     rgb[:, :60] += 6
@@ -123,8 +150,26 @@ def test_a_size_that_the_policy_cannot_use_is_a_fault(height, width, word):
     assert word in PictureWatch(1.0).look(frame, Odometry(0, 0, 0, 0), Tilt()).fault
 
 
+def test_the_size_of_an_enormous_picture_costs_nothing():
+    """A header is only a promise: no memory is taken for it."""
+
+    def short(_):
+        raise ValueError("The picture holds 20 bytes.")
+
+    tracemalloc.start()
+    try:
+        check = PictureWatch(1.0).look(
+            Frame(1, short, 8000, 8000, b"1"), Odometry(0, 0, 0, 0), Tilt()
+        )
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert check == PictureCheck(fault="The picture holds 20 bytes.")
+    assert most < 1_000_000
+
+
 def test_a_picture_that_cannot_be_decoded_is_a_fault():
-    def bad():
+    def bad(_):
         raise ValueError("The picture is encoded as yuv422.")
 
     frame = Frame(1, bad, 150, 150, b"1")

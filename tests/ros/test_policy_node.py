@@ -17,6 +17,7 @@ from cfnav_ros.conversions import image_to_rgb, stamp_to_ns  # noqa: E402
 from geometry_msgs.msg import Twist  # noqa: E402
 from rcl_interfaces.srv import GetParameters  # noqa: E402
 
+from cfnav_core.bundle import shipped_bundle  # noqa: E402
 from cfnav_core.policy import Policy  # noqa: E402
 
 from .policy_graph import LATE_DEG, LATE_M, end_with, policy_graph, standing  # noqa: E402
@@ -75,6 +76,21 @@ def test_an_episode_from_goal_to_done(graph, make_bundle):
     assert "Traceback" not in log.read_text()
 
 
+def test_torch_runs_the_shipped_bundle(graph):
+    pytest.importorskip("torch", reason="torch is not installed: run 'make setup-test'")
+    robot, _, log = graph(shipped_bundle(), "backend:=torch")
+    _, result = robot.result(robot.send(max_steps=1)[1])
+    assert result.steps == 1, result.message
+    robot.wait(lambda: robot.decisions, "the decision")
+    (decision,) = robot.decisions
+    policy = Policy.load(shipped_bundle(), "torch")
+    policy.reset("Laptop")
+    picture = image_to_rgb(robot.pictures[stamp_to_ns(decision.image_stamp)])
+    again = policy.act(picture, decision.collision_probability)
+    assert decision.action_probabilities == pytest.approx(again.probabilities, abs=1e-5)
+    assert "drives, run by torch." in log.read_text()
+
+
 def test_limits_vetoes_bumps_and_refusals(graph, make_bundle):
     robot, _, _ = graph(make_bundle("MoveAhead"), "episode.max_steps:=2")
     _, result = robot.result(robot.send()[1])
@@ -100,7 +116,9 @@ def test_limits_vetoes_bumps_and_refusals(graph, make_bundle):
 
     _, result = robot.result(robot.send("Unicorn")[1])
     assert result.outcome == "refused"
-    assert result.message == "The bundle knows no goal 'Unicorn'; it knows Laptop, Mug."
+    assert result.message == (
+        "The policy does not take this goal: found goal 'Unicorn', expected one of Laptop, Mug."
+    )
     robot.encoding = "yuv422"
     seen = len(robot.pictures)
     robot.wait(lambda: len(robot.pictures) > seen + 3, "pictures of the other encoding")

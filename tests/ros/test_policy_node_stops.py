@@ -141,6 +141,16 @@ def test_a_second_publisher_is_a_refusal_and_a_missing_robot_too(graph, make_bun
     robot.node.destroy_publisher(rival)
 
 
+def test_a_signal_before_any_robot_was_found_still_tells_the_client(graph, make_bundle):
+    robot, process, _ = graph(make_bundle("MoveAhead"), velocity=None)
+    future = robot.send()[1]
+    robot.wait(lambda: robot.statuses, "the episode to begin")
+    assert end_with(process, signal.SIGTERM) == 0
+    status, result = robot.result(future)
+    assert (status, result.outcome) == (GoalStatus.STATUS_ABORTED, "refused")
+    assert result.message == "The policy node was stopped."
+
+
 @pytest.mark.parametrize(
     ("parameter", "sentence"),
     [
@@ -155,6 +165,13 @@ def test_what_cannot_start_says_so_and_exits_with_2(tmp_path, ros_domain_id, par
     lines = (tmp_path / "log").read_text().strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith(f"policy_node: {sentence}")
+
+
+def test_a_bundle_without_weights_is_not_run_by_torch(tmp_path, ros_domain_id, make_bundle):
+    parameters = (f"bundle:={make_bundle('MoveAhead')}", "backend:=torch")
+    process = start_node(ros_domain_id, tmp_path / "log", *parameters)
+    assert process.wait(DEADLINE_S) == 2
+    assert "weights.safetensors" in (tmp_path / "log").read_text().splitlines()[-1]
 
 
 def test_a_damaged_bundle_says_so_and_exits_with_2(tmp_path, ros_domain_id, make_bundle):

@@ -8,7 +8,7 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-from sensor_msgs.msg import CompressedImage  # noqa: E402
+from sensor_msgs.msg import CompressedImage, JointState  # noqa: E402
 
 from .policy_graph import policy_graph, standing  # noqa: E402
 
@@ -81,6 +81,21 @@ def test_pictures_of_another_type_are_named(graph, make_bundle):
     assert result.message == (
         "No picture has arrived (mock_turtlebot4 sends sensor_msgs/msg/CompressedImage on "
         "/oakd/rgb/preview/image_raw, expected sensor_msgs/msg/Image)."
+    )
+
+
+def test_joint_states_without_the_tilt_are_named(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("MoveAhead"), "episode.preflight_timeout:=2.0")
+    robot.silent = {"joints"}
+    robot.node.destroy_publisher(robot.publishers["joints"])
+    _, result = robot.result(robot.send()[1])
+    assert result.message == "No camera tilt has arrived (nobody publishes /joint_states)."
+    robot.publishers["joints"] = robot.node.create_publisher(JointState, "joint_states", 10)
+    robot.damage["joints"] = lambda message: setattr(message, "name", ["left_wheel_joint"])
+    robot.silent = set()
+    _, result = robot.result(robot.send()[1])
+    assert result.message == (
+        "No camera tilt has arrived (/joint_states gives no position of camera_tilt)."
     )
 
 
