@@ -153,7 +153,7 @@ def _frames(
         if decision.image_ns not in pictures:
             continue
         touched = any(decision.t_ns <= c.t_ns < until[decision.step] for c in episode.contacts)
-        note = "touched" if touched else "vetoed by LiDAR" if decision.vetoed else ""
+        note = "touched" if touched else "vetoed" if decision.vetoed else ""
         sign = ACTION_STYLE[decision.action][1]
         frames.append(Frame(_jpeg(pictures[decision.image_ns]), decision, sign, note))
     return frames
