@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
 from cfnav_core.actions import STEP_M
-from cfnav_ros.returns import Mount, Scan, View, look, malformed, wrap
+from cfnav_ros.returns import Beams, Mount, Scan, View, look, malformed, wrap
 from cfnav_ros.sweep import NOMINAL, ErrorModel, free_way, hidden_probability, seen_probability
 
 
@@ -235,7 +236,7 @@ def _back(view: View, scan: Scan, disc: SweptDisc, errors: ErrorModel) -> OtherM
     if verdict is Verdict.BLIND or returns < disc.min_returns:
         return OtherMotion(OTHERS[2], 1.0, 0.0, Verdict.BLIND)
     probability, clearance = _sweep(view, True, disc, errors, scan.range_max)
-    if (view.masked & _inside(view.bearing, True, math.radians(disc.sector_deg))).any():
+    if _sector(view.beams, True, math.radians(disc.sector_deg))[1]:
         verdict = Verdict.DEGRADED
     return OtherMotion(OTHERS[2], probability, clearance, verdict)
 
@@ -247,13 +248,19 @@ def _quality(view: View, back: bool, half_deg: float) -> tuple[float, float, int
     reach around the whole sector leaves the rest of it unknown.
     """
     half = math.radians(half_deg)
-    looking = _inside(view.bearing, back, half) & ~view.masked
-    masked = int((_inside(view.bearing, back, half) & view.masked).sum())
-    beams = max(round(2 * half / view.beam) - masked, 1)
-    known = min(int((view.known & looking).sum()) / beams, 1.0)
+    looking, masked = _sector(view.beams, back, half)
+    beams = max(round(2 * half / view.beams.step) - masked, 1)
+    known = min(np.count_nonzero(view.known & looking) / beams, 1.0)
     arcs = _arcs(view.unlooked, back, half)
     arc = float((arcs[:, 1] - arcs[:, 0]).max(initial=0.0))
-    return known, math.degrees(arc), int(_inside(view.returns, back, half).sum())
+    return known, math.degrees(arc), int(np.count_nonzero(_inside(view.returns, back, half)))
+
+
+@lru_cache(maxsize=32)
+def _sector(beams: Beams, back: bool, half: float) -> tuple[np.ndarray, int]:
+    """Beams in a sector: bool [N], those past the robot's own parts; the number of the others."""
+    inside = _inside(beams.bearing, back, half)
+    return inside & ~beams.masked, int(np.count_nonzero(inside & beams.masked))
 
 
 def _inside(bearing: np.ndarray, back: bool, half: float) -> np.ndarray:
@@ -263,15 +270,16 @@ def _inside(bearing: np.ndarray, back: bool, half: float) -> np.ndarray:
 
 def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
     """float64 [G, 2], begin and end, radians from front or back: the parts of gaps in a sector."""
-    middle, width = wrap(gaps[:, 0] - math.pi * back), gaps[:, 1]
+    middle, width = gaps.T
+    if back:
+        middle = wrap(middle - math.pi)
     if half >= math.pi:  # all round: nothing to cut off
-        return np.stack([middle - width / 2, middle + width / 2], axis=1)
+        return np.array((middle - width / 2, middle + width / 2)).T
     if width.max(initial=0.0) > math.pi:  # it may reach into the sector from the other side
         middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
         width = np.tile(width, 3)
     begin, end = np.maximum(middle - width / 2, -half), np.minimum(middle + width / 2, half)
-    inside = end > begin
-    return np.stack([begin[inside], end[inside]], axis=1)
+    return np.array((begin, end)).T[end > begin]
 
 
 def _too_little(known: float, arc: float, returns: int, disc: SweptDisc) -> str:

@@ -104,9 +104,9 @@ class OwnParts:
         if not self._bearings:
             return ""
         ranges, half = np.asarray(scan.ranges), math.radians(CORE_DEG)
-        _, cores = beams(
+        cores = beams(
             ranges.size, scan.angle_min, scan.angle_increment, mount, self._bearings, half
-        )
+        ).parts
         through = int((2 * (cores & measured(ranges, scan)).sum(1) > cores.sum(1)).sum())
         self._through.append(2 * through > len(cores))
         if len(self._through) < SEEN_THROUGH or not all(self._through):

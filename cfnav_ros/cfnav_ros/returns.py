@@ -25,6 +25,9 @@ triangulation (laser_filters#105), unless the scan before had it too."""
 AGAIN_M, AGAIN_DEG = 0.1, 3.5
 """It had it when it returned this near to the same place; the robot moves 0.03 m between scans."""
 
+_BORDER = np.array([True])
+"""Before the first return and after the last a surface ends."""
+
 
 @dataclass(frozen=True)
 class Scan:
@@ -57,16 +60,31 @@ class Mount:
         return wrap(self.yaw + (-angle if self.upside_down else angle))
 
 
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """Where a scanner's beams look from base_link; the arrays are not to be written to.
+
+    Attributes:
+        bearing: float64 [N], of every beam, radians in [-pi, pi).
+        parts: bool [M, N], one row for each of the robot's own parts: the beam looks at it.
+        masked: bool [N], the beam looks at any of them.
+        step: radians between two beams.
+    """
+
+    bearing: np.ndarray
+    parts: np.ndarray
+    masked: np.ndarray
+    step: float
+
+
 @dataclass(frozen=True)
 class View:
     """One scan seen from base_link.
 
     Attributes:
         mount: of the scanner.
-        bearing: float64 [N], of every beam, radians in [-pi, pi).
+        beams: where they look.
         known: bool [N], the beam met something at a range that the scanner measures.
-        masked: bool [N], the beam looks at the robot's own parts.
-        beam: radians between two beams.
         points: float64 [P, 2], metres, where something stands; the borders of surfaces included.
         ranges: float64 [P], metres from the scanner to each point.
         returns: float64 [R], bearing of each distinct return, radians.
@@ -76,10 +94,8 @@ class View:
     """
 
     mount: Mount
-    bearing: np.ndarray
+    beams: Beams
     known: np.ndarray
-    masked: np.ndarray
-    beam: float
     points: np.ndarray
     ranges: np.ndarray
     returns: np.ndarray
@@ -138,16 +154,17 @@ def distinct_returns(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     Returns:
         (int [M] first beam of each run, int [M] its last beam, float [M] its value).
     """
-    first = np.flatnonzero(np.concatenate(([True], ranges[1:] != ranges[:-1])))
-    last = np.append(first[1:], len(ranges)) - 1
+    (before,) = (ranges[1:] != ranges[:-1]).nonzero()
+    first = np.concatenate(([0], before + 1))
+    last = np.concatenate((before, [len(ranges) - 1]))
     return first, last, ranges[first]
 
 
 @lru_cache(maxsize=8)
 def beams(
     size: int, angle_min: float, step: float, mount: Mount, parts: tuple[float, ...], half: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Bearings of beams, and which look at the robot's own parts; most scans have the same.
+) -> Beams:
+    """Where beams look; most scans have the same, so it is worked out once.
 
     Args:
         size: number of beams N.
@@ -156,14 +173,13 @@ def beams(
         mount: of the scanner.
         parts: bearings of the robot's own parts, radians.
         half: radians to each side of them.
-
-    Returns:
-        (float64 [N], bool [M, N] one row a part), not to be written to.
     """
     bearing = mount.bearings(angle_min + np.arange(size) * step)
     masks = np.abs(wrap(bearing[None, :] - np.reshape(parts, (-1, 1)))) <= half
-    bearing.flags.writeable = masks.flags.writeable = False
-    return bearing, masks
+    masked = np.logical_or.reduce(masks, axis=0)
+    for shared in (bearing, masks, masked):
+        shared.flags.writeable = False
+    return Beams(bearing, masks, masked, abs(step))
 
 
 def look(
@@ -192,21 +208,18 @@ def look(
         ranges under range_min as obstacles where they are, unless they are the robot's own parts.
     """
     ranges = np.asarray(scan.ranges, np.float64)
-    bearing, masks = beams(
-        ranges.size, scan.angle_min, scan.angle_increment, mount, parts, half_width
-    )
-    masked = np.logical_or.reduce(masks, axis=0)
+    there = beams(ranges.size, scan.angle_min, scan.angle_increment, mount, parts, half_width)
     first, last, value = distinct_returns(ranges)
     good, near = measured(value, scan), too_near(value, scan)
-    near &= ~masked[(first + last) // 2]
+    near &= ~there.masked[(first + last) // 2]
     value, surface = _smooth(value, good)
     value = np.where(value == -np.inf, scan.range_min, value)
-    begins, ends = ~np.append(False, surface), ~np.append(surface, False)
+    begins, ends = np.concatenate((_BORDER, ~surface)), np.concatenate((~surface, _BORDER))
 
-    step = abs(scan.angle_increment)
-    narrow = (last - first + 1) * step <= math.radians(LONE_DEG)
-    lone = np.flatnonzero(good & begins & ends & narrow & (value < LONE_M))
-    ghosts = [k for k in lone if not _again(before, ranges.size, first[k], value[k], step)]
+    copies = last - first + 1
+    narrow = copies * there.step <= math.radians(LONE_DEG)
+    (lone,) = (good & begins & ends & narrow & (value < LONE_M)).nonzero()
+    ghosts = [k for k in lone if not _again(before, ranges.size, first[k], value[k], there.step)]
     good[ghosts] = False
 
     met = good | near
@@ -214,13 +227,10 @@ def look(
     index = np.concatenate([(first[met] + last[met]) / 2, first[begins] - 0.5, last[ends] + 0.5])
     distance = np.concatenate([value[met], value[begins], value[ends]])
     angle, points = _places(index, distance, scan, mount)
-    known = np.repeat(good, last - first + 1)
+    known = np.repeat(good, copies)
     returns = angle[: np.count_nonzero(met)]
-    unknown, unlooked = (_gaps(seen, scan, mount) for seen in (known, known | masked))
-    return View(
-        mount, bearing, known, masked, step, points, distance, returns, unknown, unlooked,
-        len(ghosts),
-    )  # fmt: skip
+    unknown, unlooked = (_gaps(seen, scan, mount) for seen in (known, known | there.masked))
+    return View(mount, there, known, points, distance, returns, unknown, unlooked, len(ghosts))
 
 
 def _places(
@@ -229,22 +239,21 @@ def _places(
     """Bearings (radians) and places (float64 [P, 2], metres) of returns at fractional beams."""
     angle = mount.bearings(scan.angle_min + index * scan.angle_increment)
     x, y = mount.x + distance * np.cos(angle), mount.y + distance * np.sin(angle)
-    return angle, np.stack([x, y], axis=1)
+    return angle, np.array((x, y)).T
 
 
 def _gaps(seen: np.ndarray, scan: Scan, mount: Mount) -> np.ndarray:
     """float64 [G, 2], middle (bearing) and width of the arcs between the beams seen, radians."""
-    index, step = np.flatnonzero(seen), abs(scan.angle_increment)
+    (index,), step = seen.nonzero(), abs(scan.angle_increment)
     if not len(index):
         return np.array([[0.0, 2 * math.pi]])
-    wide = np.flatnonzero(np.diff(index) > 1)
-    a, b = index[wide], index[wide + 1]
     # The last gap goes on from the last beam seen, past the end of the scan, to the first.
-    rest = 2 * math.pi / step - (index[-1] - index[0])
-    middle = np.append((a + b) / 2, index[-1] + rest / 2)
-    width = (np.append(b - a, rest) - 1) * step
+    index = np.concatenate((index, [index[0] + 2 * math.pi / step]))
+    apart = index[1:] - index[:-1]
+    (wide,) = (apart > 1.5).nonzero()
+    middle = (index[wide] + index[wide + 1]) / 2
     bearing = mount.bearings(scan.angle_min + middle * scan.angle_increment)
-    return np.stack([bearing, width], axis=1)[width > step / 2]
+    return np.array((bearing, (apart[wide] - 1) * step)).T
 
 
 def _again(before: np.ndarray | None, size: int, first: int, value: float, step: float) -> bool:
@@ -262,7 +271,7 @@ def _smooth(value: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray
     both = good[:-1] & good[1:]
     with np.errstate(invalid="ignore"):  # inf - inf of two beams without a return
         surface = both & (np.abs(b - a) <= SURFACE * np.minimum(a, b))
-    inner = np.flatnonzero(surface[:-1] & surface[1:]) + 1
+    inner = (surface[:-1] & surface[1:]).nonzero()[0] + 1
     smooth = value.copy()
     smooth[inner] = (value[inner - 1] + 2 * value[inner] + value[inner + 1]) / 4
     return smooth, surface

@@ -4,10 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from cfnav_ros.lidar import estimate_collision
+from cfnav_ros.lidar import SweptDisc, estimate_collision
+from cfnav_ros.sweep import NOMINAL
 
 from tests.deploy import reliability as rel
-from tests.deploy.calibration import CalibrationConfig, measure
+from tests.deploy.calibration import CalibrationConfig, Predicted, measure, unseen_shares
 from tests.deploy.driven_moves import moves, scan_of
 
 P = np.array([0.1, 0.1, 0.1, 0.1, 0.6, 0.6, 0.99, 0.01])
@@ -59,6 +60,16 @@ def test_driven_moves_bear_the_sure_estimates_out():
     assert {m.weight for m in driven} == {1.0, 2.0}
     again = list(moves("bedroom", 3, 60, 0.5))
     assert all((a.ranges == b.ranges).all() for a, b in zip(driven, again, strict=True))
+
+
+def test_what_the_plane_cannot_show_is_counted_apart_near_and_far():
+    # Two free far off, one of them hit; three free beside something, one hit; two in the way.
+    beside, far = SweptDisc().step + 0.05, 2.0
+    p = np.array([NOMINAL.unseen] * 2 + [NOMINAL.unseen_near] * 3 + [0.5, 1.0])
+    clearance = np.array([far, far, beside, beside, beside, beside, 0.0])
+    collided = np.array([1, 0, 0, 1, 0, 1, 1], bool)
+    found = Predicted(p, clearance, p, collided, p, np.ones(7))
+    assert unseen_shares(found) == {"unseen": [1 / 2, 1, 2], "unseen_near": [1 / 3, 1, 3]}
 
 
 def test_the_whole_program_on_a_few_moves(tmp_path):

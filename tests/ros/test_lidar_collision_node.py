@@ -176,7 +176,7 @@ def test_the_node(graph):
 @pytest.mark.parametrize(
     ("parameter", "sentence"),
     [
-        ("disc.radius:=-1.0", "radius is -1.0, expected a positive number."),
+        ("disc.radius:=-1.0", "disc.radius is -1.0, expected 0.01 to 1."),
         ("stael:=1.0", "There is no parameter 'stael'; there are stale,"),
     ],
 )

@@ -23,9 +23,9 @@ def watch_of(source="auto", given=False, frame="rplidar_link", frozen=FROZEN_S):
 
 
 def drive(watch, scans, start=100.0):
-    """Estimates of scans that arrive as they are taken."""
+    """Estimates of scans that arrive when their turn is over; the stamp is its beginning."""
     stamps = (start + k * PERIOD_S for k in range(1_000_000))
-    return [watch.scan(t + 0.05, t, scan)[0] for t, scan in zip(stamps, scans, strict=False)]
+    return [watch.scan(t + PERIOD_S, t, scan)[0] for t, scan in zip(stamps, scans, strict=False)]
 
 
 def stream(count, base=SCAN, seed=0):
@@ -43,6 +43,14 @@ def test_a_fresh_scan_is_judged():
 def test_a_stream_of_good_scans_stays_good():
     watch, _ = watch_of()
     assert {e.verdict for e in drive(watch, stream(100))} == {Verdict.GOOD}
+
+
+@pytest.mark.parametrize(("lost", "seen"), [(0, True), (1, True), (2, False)])
+def test_one_lost_scan_is_bridged_and_two_are_blind(lost, seen):
+    watch, _ = watch_of()
+    watch.scan(10.0 + PERIOD_S, 10.0, SCAN)
+    next_one = 10.0 + PERIOD_S * (2 + lost)
+    assert (watch.silence(next_one) is None) is seen
 
 
 def test_silence_is_blind():
