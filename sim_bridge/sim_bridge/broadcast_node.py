@@ -121,6 +121,8 @@ class Broadcast:
             due.append(self._dock)
         if due and CLOCK in self._robot.out and self._clock.stopped_at is None:
             self._send(CLOCK, Clock(clock=to_msg.stamp(self._now)))
+            # At once: the truth and a rival's scan do not go through the outbox.
+            self.outbox.release(t)
         for action in due:
             action()
         self.outbox.release(t)
@@ -186,10 +188,10 @@ class Broadcast:
         if self.lidar_on and not self._simulator.docked:
             distances = self._stage.noise.scan(self._turn.distances(self._simulator.world))
             scan = to_msg.laser_scan(distances, began)
-            if self.rival is not None and self.rival.scan is not None:
+            if self.rival is not None and "scan_rival" in self.rival.out:
                 other = deepcopy(scan)
                 stranger(other)
-                self.rival.scan.publish(other)
+                self.rival.out["scan_rival"].publish(other)
             self._send(SCAN, scan)
         self._turn.next()
 

@@ -74,6 +74,7 @@ class Camera:
         width, height: pixels.
         fov_deg: vertical field of view, degrees.
         mount: m before the robot's centre, m above the floor.
+        tilts: whether it turns up and down.
     """
 
     def __init__(
@@ -83,7 +84,9 @@ class Camera:
         height: int = 300,
         fov_deg: float = 90.0,
         mount: tuple[float, float] = (0.0, CAMERA_HEIGHT),
+        tilts: bool = True,
     ) -> None:
+        self.tilts = tilts
         self._world = world
         self._mount = mount
         model = world.model

@@ -149,7 +149,8 @@ class FaultSchedule:
             motion: of the robot.
 
         Returns:
-            Names, and whether each holds from now on, in the order of events.
+            Names, and whether each holds from now on, in the order of events. One that begins
+            anew while it holds ends first.
         """
         changes = [(name, False) for name in self._mended]
         self._mended = []
@@ -158,6 +159,8 @@ class FaultSchedule:
             changes.append((name, False))
         for order in [o for o in self._waiting if t >= o.at - 1e-9 and does(motion, o.when, t)]:
             self._waiting.remove(order)
+            if self._active.pop(order.fault, None):
+                changes.append((order.fault, False))
             self._begin(order, t)
             changes.append((order.fault, True))
         return changes
@@ -190,3 +193,5 @@ class FaultSchedule:
         lasts = min(order.duration or math.inf, row.lasts)
         alter = row.begin(self._rng) if row.begin else None
         self._active[order.fault] = _Active(t + lasts, alter)
+        # In the order of the table, whichever began first: see ``faults.FAULTS``.
+        self._active = {name: self._active[name] for name in FAULTS if name in self._active}

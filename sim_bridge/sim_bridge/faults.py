@@ -134,7 +134,9 @@ def frozen(*kept: str) -> Callable[[np.random.Generator], Alter]:
             for name in kept:
                 holder, _, field = name.rpartition(".")
                 owner = getattr(message, holder) if holder else message
-                setattr(owner, field, first.setdefault(name, deepcopy(getattr(owner, field))))
+                value = first.setdefault(name, deepcopy(getattr(owner, field)))
+                # A copy, as another fault may change the message in place.
+                setattr(owner, field, deepcopy(value))
             return message
 
         return alter
@@ -225,4 +227,4 @@ _COMMAND = {
 _CLOCK = {"clock_stop": Fault(), "clock_ahead": Fault(), "clock_back": Fault()}
 
 FAULTS: dict[str, Fault] = {**_SCAN, **_PICTURE, **_ODOMETRY, **_BASE, **_COMMAND, **_CLOCK}
-"""Every fault by name."""
+"""Every fault by name; those that hold alter a message in this order."""

@@ -121,7 +121,10 @@ def _transitions(ahead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def goal_states(world: World, camera: Camera, grid: StateGrid, goal: str) -> np.ndarray:
-    """Bool [S]: states that see the goal, by rendering those near enough and facing it."""
+    """Bool [S]: states that see the goal, by rendering those near enough and facing it.
+
+    With a camera that does not tilt none of the tilted states does.
+    """
     out = np.zeros(len(grid.next_state), bool)
     boxes = np.array([o.footprint for o in world.room.objects if o.name == goal])
     x, y = grid.positions.T[:, :, None]
@@ -131,7 +134,7 @@ def goal_states(world: World, camera: Camera, grid: StateGrid, goal: str) -> np.
     # nothing of an object is in the picture unless some point of its footprint is near the cone
     points = _points(boxes)
     bearing = np.arctan2(points[:, 1] - y[:, None, :], points[:, 0] - x[:, None, :])
-    for state in range(len(out)):
+    for state in range(0, len(out), 1 if camera.tilts else HORIZONS):
         p, heading = state // (HEADINGS * HORIZONS), state // HORIZONS % HEADINGS
         off = np.abs((bearing[p] - heading * math.pi / 4 + math.pi) % math.tau - math.pi)
         if ((distance[p] <= VISIBLE_DISTANCE_M) & (off < EDGE_OF_VIEW_RAD).any(0)).any():

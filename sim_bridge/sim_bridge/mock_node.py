@@ -24,7 +24,7 @@ from sim_bridge.lock_step import MOMENT_PERIOD, LockStep
 from sim_bridge.pacing import MAX_LAG_S, Every, Pacer
 from sim_bridge.parameters import read_parameters
 from sim_bridge.robot_clock import RobotClock
-from sim_bridge.robot_node import CLOCK, TILT, RivalNode, RobotNode, settle_undock
+from sim_bridge.robot_node import CLOCK, RIVALS, TILT, RivalNode, RobotNode, settle_undock
 from sim_bridge.simulator_node import SimulatorNode
 from sim_bridge.stage import Stage
 
@@ -63,6 +63,7 @@ class Mock:
         self._promise: Future = Future()
         self._moments = Every(MOMENT_PERIOD, self._ask)
         self._faults = FaultSchedule(read_schedule(p.faults) if p.faults else (), p.seed)
+        self._suffered: frozenset[str] = frozenset()
         self._clock = RobotClock()
         self._undocking: ServerGoalHandle | None = None
         self._stage = Stage(p)
@@ -260,18 +261,25 @@ class Mock:
         changes = self._faults.update(t, self._simulator.motion)
         if not changes:
             return
-        active = self._faults.active
-        self._simulator.suffer(active)
-        self._clock.suffer(active, t)
-        self.robot.suffer(active)
-        self._let_rival(active & {"scan_rival", "cmd_rival"})
+        for name, holds in changes:
+            # One after the other, so that a fault that begins anew is seen to end before.
+            self._suffered = self._suffered | {name} if holds else self._suffered - {name}
+            self._simulator.suffer(self._suffered)
+            self._clock.suffer(self._suffered, t)
+        self.robot.suffer(self._suffered)
+        self._let_rival(self._suffered & RIVALS.keys())
         for name, holds in changes:
             self._out.fault(name, holds)
 
     def _let_rival(self, faults: frozenset[str]) -> None:
-        if self._out.rival is not None:
-            self._out.rival.destroy_node()
-        self._out.rival = RivalNode(faults) if faults else None
+        rival = self._out.rival
+        if faults and rival is None:
+            rival = RivalNode()
+        if rival is not None:
+            rival.suffer(faults)
+            if not faults:
+                rival.destroy_node()
+        self._out.rival = rival if faults else None
 
     def _refuse_company(self) -> None:
         """Raise ValueError when somebody else plays the robot in this domain."""

@@ -9,8 +9,9 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+from collections.abc import Iterator
 from concurrent.futures import CancelledError
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 import rclpy
@@ -49,14 +50,33 @@ def _end(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
+@contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Take signals when the block is over, in place of whatever it raises.
+
+    A GL library whose import is torn in two prints tracebacks of its own, and one that a signal
+    killed seems to be missing.
+    """
+    came: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, _end)
+        signal.signal(signal.SIGTERM, _end)
+        if came:
+            _end(came[0], None)
+
+
 def _run(args: list[str]) -> int:
     """Start, then receive in one thread for each node and simulate in this one."""
     with ExitStack() as cleanup:
         try:
             _join_graph(args)
             # Here, because without a GL library this import fails with the sentence to print.
-            from sim_bridge.mock_node import Mock
-
+            with _signals_wait():
+                from sim_bridge.mock_node import Mock
             mock = Mock()
             cleanup.callback(mock.close)
             mock.set_up()

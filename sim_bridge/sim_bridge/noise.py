@@ -75,7 +75,8 @@ DEPTH_EDGE_M = 0.3
 
 _POOL = 1 << 21
 """Normal numbers drawn in advance: each picture takes a stretch of them from a drawn place, as
-drawing 270,000 anew would cost more than rendering."""
+drawing 270,000 anew would cost more than rendering. A picture that needs more draws a larger
+pool once."""
 
 
 class Noise:
@@ -89,8 +90,7 @@ class Noise:
     def __init__(self, levels: NoiseLevels, seed: int) -> None:
         self.levels = levels
         pictures = levels.read_noise > 0 or levels.photon_noise > 0
-        rng = np.random.default_rng(0)
-        self._pool = rng.standard_normal(_POOL, np.float32) if pictures else np.empty(0, np.float32)
+        self._pool = _normal(_POOL if pictures else 0)
         self.reseed(seed)
 
     def reseed(self, seed: int) -> None:
@@ -194,11 +194,20 @@ class Noise:
         spread = np.sqrt(levels.read_noise**2 + levels.photon_noise * np.maximum(mean, 0))
         out = mean.take(rgb)
         if len(self._pool):
-            start = int(self._pixels.integers(_POOL - rgb.size))
-            out += spread.astype(np.float32).take(rgb) * self._pool[start:][: rgb.size].reshape(
-                rgb.shape
-            )
+            out += spread.astype(np.float32).take(rgb) * self._grains(rgb.size).reshape(rgb.shape)
         return np.clip(np.rint(out, out=out), 0, 255, out=out).astype(np.uint8)
+
+    def _grains(self, size: int) -> np.ndarray:
+        """float32 [size]: normal numbers from a drawn place of the pool."""
+        if size >= len(self._pool):
+            self._pool = _normal(2 * size)
+        start = int(self._pixels.integers(len(self._pool) - size))
+        return self._pool[start:][:size]
+
+
+def _normal(count: int) -> np.ndarray:
+    """float32 [count]: the same normal numbers each time."""
+    return np.random.default_rng(0).standard_normal(count, np.float32)
 
 
 def blurred(rgb: np.ndarray, pixels: float, axis: int) -> np.ndarray:

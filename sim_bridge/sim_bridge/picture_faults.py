@@ -17,6 +17,9 @@ PADDING = 28
 HUGE = (2160, 3840)
 """Rows and columns of a 4K picture."""
 
+DEPTH_PER_GREY = 20
+"""mm that a grey level becomes in a depth picture."""
+
 
 def set_picture(image: Any, encoding: str, pixels: np.ndarray) -> None:
     """Write rows of pixels.
@@ -32,9 +35,23 @@ def set_picture(image: Any, encoding: str, pixels: np.ndarray) -> None:
     image.data = array("B", np.ascontiguousarray(pixels).tobytes())
 
 
+BLUE_FIRST: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "bgr8": lambda pixels: pixels,
+    "rgb8": lambda pixels: pixels[..., ::-1],
+    "bgra8": lambda pixels: pixels[..., :3],
+    "mono8": lambda pixels: pixels.repeat(3, axis=2),
+    "yuv422": lambda pixels: pixels[..., 1:].repeat(3, axis=2),
+    "16UC1": lambda pixels: (
+        (pixels.view(np.uint16) // DEPTH_PER_GREY).astype(np.uint8).repeat(3, 2)
+    ),
+}
+"""uint8 [H, W, bytes of a pixel] -> [H, W, 3], for every encoding that a fault leaves behind."""
+
+
 def pixels_of(image: Any) -> np.ndarray:
-    """uint8 [H, W, 3] in the mock's order, blue first."""
-    return np.array(image.data, np.uint8).reshape(image.height, image.width, 3)
+    """uint8 [H, W, 3], blue first, of a picture without padding, whatever its encoding."""
+    pixels = np.array(image.data, np.uint8).reshape(image.height, image.width, -1)
+    return BLUE_FIRST[image.encoding](pixels)
 
 
 def grey(image: Any) -> np.ndarray:
@@ -72,12 +89,12 @@ def yuv422(image: Any) -> None:
 
 def depth16(image: Any) -> None:
     """A depth picture where colours are expected."""
-    set_picture(image, "16UC1", grey(image).astype(np.uint16) * 20)
+    set_picture(image, "16UC1", grey(image).astype(np.uint16) * DEPTH_PER_GREY)
 
 
 def padded(image: Any) -> None:
     """Rows longer than their pixels, which is allowed."""
-    rows = pixels_of(image).reshape(image.height, -1)
+    rows = np.array(image.data, np.uint8).reshape(image.height, -1)
     step = rows.shape[1] + PADDING
     image.data = array("B", np.pad(rows, ((0, 0), (0, PADDING)), constant_values=255).tobytes())
     image.step = step
@@ -110,6 +127,7 @@ def huge(image: Any) -> None:
 SHAPES: dict[str, Callable[[Any], None]] = {
     "image_black": filled(0),
     "image_white": filled(255),
+    "image_huge": huge,
     "image_mono8": mono8,
     "image_bgra8": bgra8,
     "image_rgb8": rgb8,
@@ -119,6 +137,6 @@ SHAPES: dict[str, Callable[[Any], None]] = {
     "image_step_short": step_short,
     "image_data_short": data_short,
     "image_empty": empty,
-    "image_huge": huge,
 }
-"""Faults that change every picture the same way."""
+"""Faults that change every picture the same way. Of several that hold, each takes what those before
+it in the table have made, so what breaks the layout of the bytes comes after what needs it."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 JUMP_S = 10.0
-"""How far ``clock_ahead`` and ``clock_back`` are off, s."""
+"""How far ``clock_ahead`` and ``clock_back`` are off, s; a clock that shows less jumps back to zero
+and runs on from there."""
 
 
 class RobotClock:
@@ -17,7 +18,7 @@ class RobotClock:
         self.epoch = 0.0
         self.stopped_at: float | None = None
         """What it shows while it stands; None while it runs."""
-        self._offset = 0.0
+        self._jump = self._offset = 0.0
 
     def true(self, t: float) -> float:
         """What a clock that works shows at simulated time t, s."""
@@ -31,9 +32,10 @@ class RobotClock:
 
     def suffer(self, faults: frozenset[str], t: float) -> None:
         """Take the faults that hold from simulated time t on."""
-        ahead, back = "clock_ahead" in faults, "clock_back" in faults
         shown = self(t)
-        self._offset = JUMP_S * (ahead - back)
+        jump = JUMP_S * (("clock_ahead" in faults) - ("clock_back" in faults))
+        if jump != self._jump:
+            self._jump, self._offset = jump, max(jump, -self.true(t))
         if "clock_stop" not in faults:
             self.stopped_at = None
         elif self.stopped_at is None:

@@ -177,15 +177,27 @@ def settle_undock(goal: ServerGoalHandle, left: bool, docked: bool) -> Undock.Re
     return Undock.Result(is_docked=docked)
 
 
+RIVALS: dict[str, tuple[type, str, int]] = {
+    "scan_rival": (LaserScan, SCAN, 10),
+    "cmd_rival": (TwistStamped, "cmd_vel", 1),
+}
+"""What a rival publishes, by the fault that brings it: type, topic and depth."""
+
+
 class RivalNode(Node):
     """Somebody else who publishes where only the robot or its driver should.
 
-    Args:
-        faults: names in ``faults.FAULTS``; of each that is a rival there is a publisher.
+    Attributes:
+        out: a publisher for each fault of ``RIVALS`` that holds.
     """
 
-    def __init__(self, faults: frozenset[str]) -> None:
+    def __init__(self) -> None:
         super().__init__("rival")
-        scans, drives = "scan_rival" in faults, "cmd_rival" in faults
-        self.scan = self.create_publisher(LaserScan, SCAN, 10) if scans else None
-        self.velocity = self.create_publisher(TwistStamped, "cmd_vel", 1) if drives else None
+        self.out: dict[str, Publisher] = {}
+
+    def suffer(self, faults: frozenset[str]) -> None:
+        """Take the faults that hold from now on; what goes on holding is left alone."""
+        for fault in self.out.keys() - faults:
+            self.destroy_publisher(self.out.pop(fault))
+        for fault in RIVALS.keys() & faults - self.out.keys():
+            self.out[fault] = self.create_publisher(*RIVALS[fault])

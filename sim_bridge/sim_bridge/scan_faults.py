@@ -128,8 +128,9 @@ SHAPES: dict[str, Callable[[Any], None]] = {
     "scan_all_zero": all_ranges(0.0),
     "scan_all_near": all_ranges(NEAR_M),
     **{f"scan_sector_{width}": unknown_sector(width) for width in (30, 90, 180)},
-    **{f"scan_ranges_{count}": resampled(count) for count in (0, 1, 360, 3240)},
+    **{f"scan_ranges_{count}": resampled(count) for count in (1, 360, 3240)},
     "scan_ranges_1034_inf": raw_count_without_returns,
+    "scan_ranges_0": resampled(0),
     "scan_increment_zero": increment(0.0),
     "scan_increment_negative": increment(-1.0),
     "scan_increment_nan": increment(math.nan),
@@ -140,4 +141,5 @@ SHAPES: dict[str, Callable[[Any], None]] = {
     "scan_turned_90": turn,
     "scan_mirrored": mirror,
 }
-"""Faults that change every scan the same way."""
+"""Faults that change every scan the same way. Of several that hold, each takes what those before it
+in the table have made; no ranges are left for those after ``scan_ranges_0``."""

@@ -116,7 +116,8 @@ class Stage:
         world = World(generate_room(*parse_room(room)))
         set_up = self._parameters.set_up
         mount = set_up.x, set_up.z
-        return world, Camera(world, set_up.size, set_up.size, set_up.fov_deg, mount)
+        size = set_up.size
+        return world, Camera(world, size, size, set_up.fov_deg, mount, set_up.tilts)
 
     def picture(self, dt: float) -> np.ndarray:
         """What the camera sees now, dt s after its last picture: uint8 [H, W, 3]."""

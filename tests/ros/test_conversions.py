@@ -188,8 +188,12 @@ def test_a_bump_is_found_among_the_hazards():
     message = HazardDetectionVector()
     message.header.stamp = STAMP
     assert conversions.bump_from_message(message) is None
-    message.detections = [HazardDetection(type=HazardDetection.CLIFF)]
-    assert conversions.bump_from_message(message) is None
+    message.detections = [
+        HazardDetection(type=HazardDetection.CLIFF),
+        HazardDetection(type=HazardDetection.BACKUP_LIMIT),
+    ]
+    for bump in (conversions.bump_from_message, conversions.front_bump_from_message):
+        assert bump(over_the_wire(message)) is None
     message.detections.append(HazardDetection(type=HazardDetection.BUMP))
     bump = conversions.bump_from_message(over_the_wire(message))
     assert bump == conversions.stamp_to_seconds(STAMP)

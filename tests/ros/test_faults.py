@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import deepcopy
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -18,10 +19,20 @@ from rclpy.serialization import deserialize_message, serialize_message  # noqa: 
 from sim_bridge.base import Motion, Odometry  # noqa: E402
 from sim_bridge.camera import SET_UPS  # noqa: E402
 from sim_bridge.fault_schedule import FaultSchedule, Order  # noqa: E402
-from sim_bridge.faults import CAMERA_INFO, FAULTS, IMAGE, JOINTS, ODOM, SCAN, TF  # noqa: E402
+from sim_bridge.faults import (  # noqa: E402
+    CAMERA_INFO,
+    EVERYTHING,
+    FAULTS,
+    IMAGE,
+    JOINTS,
+    ODOM,
+    SCAN,
+    TF,
+)
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
 from sim_bridge import conversions as to_msg  # noqa: E402
+from sim_bridge import picture_faults  # noqa: E402
 
 T0 = 20.0
 
@@ -45,9 +56,13 @@ def make(topic, k=0):
     return to_msg.odometry(counted, (0.1 + k, 0.2), t)
 
 
-def suffered(fault, topic, count=20, seed=0):
-    """What becomes of ``count`` messages: (message or None, delay) each; and the originals."""
-    schedule = FaultSchedule([Order(fault)], seed)
+def suffered(faults, topic, count=20, seed=0):
+    """What becomes of ``count`` messages: (message or None, delay) each; and the originals.
+
+    ``faults`` is a name, or several that begin in this order.
+    """
+    names = [faults] if isinstance(faults, str) else faults
+    schedule = FaultSchedule([Order(name) for name in names], seed)
     schedule.update(T0, Motion(0.0, 0.0, None))
     originals = [make(topic, k) for k in range(count)]
     return [
@@ -90,6 +105,47 @@ def test_altered_messages_can_be_sent_and_other_topics_are_left_alone(fault):
                 assert (message, delay) == (original, 0.0)
         if concerned:
             assert [r for r in results if r[1] or r[0] != originals[results.index(r)]]
+
+
+@pytest.mark.parametrize("topic", [SCAN, IMAGE, CAMERA_INFO, ODOM, TF, JOINTS])
+def test_any_two_faults_of_a_topic_hold_together(topic, monkeypatch):
+    monkeypatch.setattr(picture_faults, "HUGE", (90, 160))
+    concerned = [name for name, row in FAULTS.items() if {topic, EVERYTHING} & set(row.topics)]
+    for pair in combinations(concerned, 2):
+        one, other = (suffered(names, topic, 2)[0] for names in (pair, pair[::-1]))
+        for (message, delay), (same, as_long) in zip(one, other, strict=True):
+            assert delay == as_long, pair
+            if message is not None:
+                serialize_message(message)
+            # Which of them began first makes no difference; as text, NaN equals NaN.
+            assert repr(message) == repr(same), pair
+
+
+def test_each_of_two_faults_is_seen():
+    image, _ = first(("image_mono8", "image_white", "image_padded"), IMAGE)
+    assert (image.encoding, image.step) == ("mono8", 60 + picture_faults.PADDING)
+    assert set(image.data) == {255}
+    image, _ = first(("image_bgra8", "image_mono8"), IMAGE)
+    assert (image.encoding, image.step) == ("bgra8", 4 * 60)
+    image, _ = first(("image_data_short", "image_black"), IMAGE)
+    assert (set(image.data), len(image.data)) == ({0}, 60 * 60 * 3 // 2)
+    for count in ("0", "360", "1034_inf"):
+        scan, _ = first(("scan_speckle", "scan_ranges_0", f"scan_ranges_{count}"), SCAN)
+        assert len(scan.ranges) == 0
+    scan, _ = first(("scan_turned_90", "scan_all_near", "scan_sector_90"), SCAN)
+    assert set(np.round(scan.ranges, 3)) == {np.float32(0.1), np.inf}
+    # What is frozen is not changed anew at every message.
+    for odometry, _ in suffered(("odom_frozen", "odom_bad_quaternion"), ODOM)[0]:
+        q = odometry.pose.pose.orientation
+        assert math.hypot(q.x, q.y, q.z, q.w) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgra8", "mono8", "yuv422", "16uc1"])
+def test_picture_of_every_encoding_can_be_read_again(encoding):
+    image, original = first(f"image_{encoding}", IMAGE)
+    seen, pixels = picture_faults.pixels_of(image), picture_faults.pixels_of(original)
+    grey = picture_faults.grey(original)[..., None].repeat(3, 2)
+    assert np.array_equal(seen, pixels if encoding in ("rgb8", "bgra8") else grey)
 
 
 @pytest.mark.parametrize(

@@ -134,14 +134,20 @@ def test_deaf_base_has_no_ears_and_hears_again(robot, fault):
 
 
 def test_rivals_are_another_node(robot, fault):
+    infos = robot.node.get_publishers_info_by_topic
+
     def names(topic):
-        return {info.node_name for info in robot.node.get_publishers_info_by_topic(topic)}
+        return {info.node_name for info in infos(topic)}
 
     fault("scan_rival")
     robot.wait(lambda: "rival" in names("scan"), "the rival's scan")
     robot.wait(lambda: set(robot.last("scan").ranges) == {3.0}, "a scan of the rival")
+    rivals = {bytes(i.endpoint_gid) for i in infos("scan") if i.node_name == "rival"}
     fault("cmd_rival")
     robot.wait(lambda: "rival" in names("cmd_vel"), "the rival on cmd_vel")
+    # It stays the same rival, whatever else begins.
+    assert len(rivals) == 1
+    assert rivals < {bytes(info.endpoint_gid) for info in infos("scan")}
     mend_all(robot)
     robot.wait(lambda: names("scan") == {"mock_turtlebot4"}, "the rival to leave")
 
@@ -174,6 +180,18 @@ def test_stopped_clock_stops_stamps_but_not_the_truth(robot, fault):
     assert len(stamps) == 1
     assert len(robot.heard["/clock"]) == ticks
     assert truth_time(robot) > before + 0.3
+
+
+def test_fault_that_is_ordered_again_acts_again(robot, fault):
+    fault("clock_stop")
+    first = seconds(newer(robot, "odom", 4)[-1].header.stamp)
+    robot.wait_for(0.2)
+    heard = len(robot.faults)
+    assert robot.call(SetFault, fault="clock_stop", active=True).ok
+    robot.wait(lambda: len(robot.faults) >= heard + 2, "the fault to end and begin")
+    assert [m.active for m in robot.faults[heard:]] == [False, True]
+    robot.wait(lambda: seconds(robot.last("odom").header.stamp) > first + 0.2, "a later stamp")
+    assert len({seconds(m.header.stamp) for m in newer(robot, "odom", 4)}) == 1
 
 
 @pytest.mark.parametrize(("name", "off"), [("clock_ahead", 10.0), ("clock_back", -10.0)])

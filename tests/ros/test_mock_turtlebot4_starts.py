@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,8 @@ pytestmark = pytest.mark.ros
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
+
+from tests.conftest import wait_until  # noqa: E402
 
 from .mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
 
@@ -62,4 +65,14 @@ def test_signals_end_it_cleanly(start_process, number):
         process.process.send_signal(number)
         time.sleep(0.01)
     assert process.process.returncode == 0
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize("library", ["libmujoco", "libOpenGL", "libEGL", "libOSMesa"])
+def test_signal_while_a_library_is_imported_ends_it_cleanly(start_process, library):
+    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments([f"room:={OTHER_ROOM}"]))
+    maps = Path(f"/proc/{process.process.pid}/maps")
+    # Not every machine has every library; without it the signal comes at the end of the start.
+    wait_until(lambda: library in maps.read_text() or "ready" in process.output, "the import")
+    assert process.interrupt() == 0, process.output
     assert "Traceback" not in process.output

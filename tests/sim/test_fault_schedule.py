@@ -71,6 +71,16 @@ def test_mending_ends_one_or_all_and_ordering_again_begins_anew():
     assert run(schedule, 10.0) == []
 
 
+def test_fault_that_begins_anew_by_schedule_ends_first():
+    schedule = FaultSchedule([Order("clock_stop"), Order("clock_stop", at=0.1, duration=0.1)])
+    assert run(schedule, 0.3) == [
+        (0.0, "clock_stop", True),
+        (0.1, "clock_stop", False),
+        (0.1, "clock_stop", True),
+        (0.2, "clock_stop", False),
+    ]
+
+
 @pytest.mark.parametrize(
     ("order", "words"),
     [
@@ -196,3 +206,16 @@ def test_broken_clock_jumps_stands_and_recovers():
     assert (clock.stopped_at, clock(25.0)) == (12.0, 12.0)
     clock.suffer(frozenset(), 26.0)
     assert (clock(26.0), clock.true(26.0)) == (26.0, 26.0)
+
+
+def test_clock_that_shows_little_jumps_back_to_zero_and_runs_on():
+    clock = RobotClock()
+    clock.suffer(frozenset({"clock_back"}), 3.0)
+    assert [clock(t) for t in (3.0, 3.5, 20.0)] == [0.0, 0.5, 17.0]
+    clock.suffer(frozenset({"clock_back", "e_stop"}), 20.0)
+    assert clock(20.0) == 17.0
+    clock.suffer(frozenset({"e_stop"}), 21.0)
+    assert clock(21.0) == 21.0
+    clock.epoch = 1e6
+    clock.suffer(frozenset({"clock_back"}), 3.0)
+    assert clock(3.0) == 1e6 - 7.0

@@ -115,6 +115,13 @@ def test_pixels_spread_by_reading_and_photons(grey):
     assert seen.std() == pytest.approx(math.sqrt(1.0 + 0.03 * grey + rounding), rel=0.02)
 
 
+@pytest.mark.parametrize("size", [836, 837, 1080])
+def test_large_picture_has_the_noise_of_a_small_one(size):
+    noise = Noise(levels(read_noise=1.0, photon_noise=0.03), 0)
+    seen = noise.picture(np.full((size, size, 3), 100, np.uint8), 1 / 15)
+    assert seen.std() == pytest.approx(math.sqrt(1.0 + 0.03 * 100 + 1 / 12), rel=0.02)
+
+
 def test_brightness_wanders_slowly_and_stays_a_byte():
     noise = Noise(levels(exposure=0.03), 0)
     picture = np.full((4, 4, 3), 200, np.uint8)

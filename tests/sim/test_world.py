@@ -154,6 +154,17 @@ def test_pruned_goal_states_equal_looking_everywhere(world, camera, grid, goal):
     np.testing.assert_array_equal(goal_states(world, camera, grid, goal)[::3], everywhere)
 
 
+def test_camera_that_does_not_tilt_sees_no_goal_from_a_tilted_state(grid):
+    world = World(generate_room("kitchen", 3))  # a camera sets the field of view of its world
+    with Camera(world, 250, 250, 40.0, (-0.06, 0.244), tilts=False) as camera:
+        seen = goal_states(world, camera, grid, "Fridge").reshape(-1, HORIZONS)
+        some = range(0, len(seen), 5)
+        level = [camera.goal_visible("Fridge", grid.pose(k * HORIZONS)) for k in some]
+    assert not seen[:, 1:].any()
+    assert any(level)
+    np.testing.assert_array_equal(seen[::5, 0], level)
+
+
 def test_start_is_far_enough_and_repeats(world, camera):
     a, b = (start_episode(world, camera, "Apple", 7) for _ in range(2))
     assert a == b
