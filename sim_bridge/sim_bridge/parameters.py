@@ -10,6 +10,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from sim_bridge.camera import SET_UPS, CameraSetUp
+from sim_bridge.world import LARGEST_PICTURE
 
 _OWNED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 
@@ -56,9 +57,9 @@ class MockParameters:
             raise ValueError("clock is system; expected speed 1 and no lock_step with it.")
         if self.camera not in SET_UPS:
             raise ValueError(f"camera is {self.camera!r}; expected {' or '.join(SET_UPS)}.")
-        if self.camera_size and not 32 <= self.camera_size <= 1080:
+        if self.camera_size and not 32 <= self.camera_size <= LARGEST_PICTURE:
             raise ValueError(
-                f"camera_size is {self.camera_size}; expected 32 to 1080 pixels, or 0."
+                f"camera_size is {self.camera_size}; expected 32 to {LARGEST_PICTURE} pixels, or 0."
             )
         if not 0 <= self.noise <= 10:
             raise ValueError(f"noise is {self.noise}; expected 0 to 10 times the nominal noise.")

@@ -23,6 +23,8 @@ HULL_RADIUS = 0.175
 HULL_BOTTOM, HULL_TOP = 0.01, 0.351
 MAST_RADIUS, MAST_TOP = 0.03, 1.33
 CAMERA_HEIGHT = 1.3
+LARGEST_PICTURE = 1080
+"""Pixels, either way; MuJoCo draws no larger one than the buffer that is set aside."""
 LIDAR_X, LIDAR_Z = -0.04, 0.193
 LIDAR_BEAMS, LIDAR_RANGE_M = 360, 12.0
 SWEEP_STEP_M = 0.0125
@@ -266,7 +268,7 @@ def _settings(spec: mj.MjSpec, room: Room) -> None:
     v.quality.shadowsize = 0
     v.quality.offsamples = 0
     v.quality.numslices, v.quality.numstacks, v.quality.numquads = 16, 8, 1
-    v.global_.offwidth, v.global_.offheight = 1280, 960
+    v.global_.offwidth = v.global_.offheight = LARGEST_PICTURE
     v.map.znear, v.map.zfar = 0.02, 20.0
     spec.stat.extent = 1.0
     spec.stat.center = (room.width / 2, room.depth / 2, 1.0)

@@ -7,7 +7,7 @@ import pytest
 from sim_bridge.camera import Camera
 from sim_bridge.grid import DIRECTIONS, goal_states, start_episode, state_grid
 from sim_bridge.room import generate_room
-from sim_bridge.world import HULL_RADIUS, LIDAR_X, Pose, World
+from sim_bridge.world import HULL_RADIUS, LARGEST_PICTURE, LIDAR_X, Pose, World
 
 from cfnav_core.actions import STEP_M, Action
 from cfnav_core.scene import HEADINGS, HORIZONS
@@ -145,6 +145,17 @@ def test_pictures_repeat_and_tilt_matters(camera, grid):
     np.testing.assert_array_equal(first, camera.rgb(level))
     assert np.abs(first.astype(int) - camera.rgb(down)).mean() > 5
     assert first.shape == (300, 300, 3)
+
+
+def test_largest_picture_can_be_drawn():
+    world = World(generate_room("bathroom", 3))
+    with Camera(world, LARGEST_PICTURE, LARGEST_PICTURE) as camera:
+        large = camera.rgb(Pose(1.0, 1.0, 0.5))
+    with Camera(world) as camera:
+        small = camera.rgb(Pose(1.0, 1.0, 0.5))
+    assert large.shape == (LARGEST_PICTURE, LARGEST_PICTURE, 3)
+    assert small.std() > 5
+    assert large.mean() == pytest.approx(small.mean(), abs=2)
 
 
 @pytest.mark.parametrize("goal", ["Apple", "Chair", "Fridge"])
