@@ -124,7 +124,7 @@ class Noise:
             edge = np.abs(distances - other) > DEPTH_EDGE_M
         ghost = edge & np.isfinite(distances) & np.isfinite(other) & (chance < levels.edge_ghost)
         measured = distances.copy()
-        measured[ghost] += (place * (other - distances))[ghost]
+        measured[ghost] += place[ghost] * (other[ghost] - distances[ghost])
         measured *= 1.0 + levels.range_share * spread
         if levels.range_resolution:
             measured = np.round(measured / levels.range_resolution) * levels.range_resolution
