@@ -48,29 +48,42 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def table(cells: Sequence[dict[str, Any]]) -> str:
-    """The cells as Markdown, what was not as expected first told in a sentence."""
+    """The cells as Markdown, a row for each fault; what was measured first told in a sentence.
+
+    A cell says the reaction, the median and longest time to rest and its bound in seconds; one that
+    was not as expected in every run also in how many it was, and what was expected.
+    """
     met = sum(cell["as_expected"] for cell in cells)
-    lines = [
+    phases = [phase.value for phase in Phase]
+    by_fault: dict[str, dict[str, str]] = defaultdict(dict)
+    for cell in cells:
+        by_fault[cell["fault"]][cell["phase"]] = _in_words(cell)
+    reasons = {cell["fault"]: cell["reason"] for cell in cells}
+    return "\n".join([
         f"{met} of {len(cells)} cells as expected, {sum(c['runs'] for c in cells)} runs, "
         f"{sum(c['contacts'] for c in cells)} contacts, at commit "
         f"{', '.join(sorted({name for c in cells for name in c['commits']}))}.",
         "",
-        "| fault | phase | expected | found | rest min / median / max, bound (s) | as expected |",
-        "|---|---|---|---|---|---|",
-    ]
-    for cell in cells:
-        found = ", ".join(
-            name if count == cell["runs"] else f"{name} {count}"
-            for name, count in cell["reactions"].items()
-        )
-        times = " / ".join(f"{cell[f'stop_s_{k}']:.2f}" for k in ("min", "median", "max"))
-        bound = "" if cell["bound_s"] is None else f", {cell['bound_s']:.2f}"
-        met_text = f"{cell['runs_as_expected']} of {cell['runs']}"
-        lines.append(
-            f"| {cell['fault']} | {cell['phase']} | {cell['expected']} | {found} | "
-            f"{times if bound else ''}{bound} | {met_text} |"
-        )
-    return "\n".join(lines)
+        f"| fault | {' | '.join(phases)} | why |",
+        f"|---{'|---' * len(phases)}|---|",
+        *(
+            f"| `{fault}` | {' | '.join(found.get(phase, '') for phase in phases)} | "
+            f"{reasons[fault]} |"
+            for fault, found in by_fault.items()
+        ),
+    ])  # fmt: skip
+
+
+def _in_words(cell: dict[str, Any]) -> str:
+    reaction, bound = cell["reaction"].replace("_", " "), cell["bound_s"]
+    timed = cell["reaction"] in ("stop", "degrade") and bound is not None
+    times = (
+        f" {cell['stop_s_median']:.2f}, {cell['stop_s_max']:.2f} of {bound:.2f}" if timed else ""
+    )
+    if cell["as_expected"]:
+        return reaction + times
+    met = f"{cell['runs_as_expected']} of {cell['runs']} as expected"
+    return f"**{reaction}{times}: {met}, {cell['expected'].replace('_', ' ')}**"
 
 
 def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:

@@ -184,6 +184,7 @@ def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
     assert (summary["as_expected"], summary["runs_as_expected"]) == (False, 2)
     text = matrix_report.table([summary])
     assert text.startswith("0 of 1 cells as expected, 3 runs, 0 contacts, at commit ab1.")
+    assert "| `odom_silent` | **stop 0.45, 0.60 of 0.57: 2 of 3 as expected, stop** |" in text
     matrix_report.draw([summary], tmp_path / "matrix.png")
     assert (tmp_path / "matrix.png").stat().st_size > 5000
 
