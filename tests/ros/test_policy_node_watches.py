@@ -8,6 +8,8 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
+from geometry_msgs.msg import Twist, TwistStamped  # noqa: E402
+from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import CompressedImage, JointState  # noqa: E402
 
 from .policy_graph import policy_graph, standing  # noqa: E402
@@ -66,6 +68,31 @@ def test_dock_power_and_another_clock_are_said_before_and_while_driving(graph, m
     robot.node.destroy_subscription(robot.subscription)
     _, result = robot.result(robot.send()[1])
     assert (result.outcome, result.message) == ("refused", "No robot listens on /cmd_vel.")
+
+
+def test_a_joystick_that_speaks_ends_the_episode_and_its_silence_does_not(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("MoveAhead"), "other_publishers:=joy")
+    joystick = Node("joy", context=robot.context)
+    stick = joystick.create_publisher(TwistStamped, "cmd_vel", 1)
+    old = joystick.create_publisher(Twist, "cmd_vel_unstamped", 1)
+    for publisher, topic in ((stick, "/cmd_vel"), (old, "/cmd_vel_unstamped")):
+        _, result = robot.result(robot.send(max_steps=1)[1])
+        assert result.outcome == "step_limit", result.message
+        future = robot.send()[1]
+        robot.wait_driving()
+        robot.wait(publisher.get_subscription_count, "the node to listen")
+        publisher.publish(publisher.msg_type())
+        message = stops(robot, future)
+        assert message == f"Somebody else drives: a velocity of joy came on {topic}."
+    rival = Node("nav", context=robot.context)
+    rival.create_publisher(Twist, "cmd_vel_unstamped", 1)
+    robot.wait(lambda: robot.node.count_publishers("cmd_vel_unstamped") == 2, "the rival")
+    future = robot.send()[1]
+    _, result = robot.result(future)
+    assert result.outcome in ("refused", "aborted")
+    assert result.message.startswith("nav also publishes on /cmd_vel_unstamped: ")
+    rival.destroy_node()
+    joystick.destroy_node()
 
 
 def test_pictures_of_another_type_are_named(graph, make_bundle):
