@@ -38,7 +38,7 @@ from cfnav_ros.diagnostics import (
 )
 from cfnav_ros.episode import Episode, Phase, StepRecord
 from cfnav_ros.goals import Goal, Goals
-from cfnav_ros.lock_step import Answer, LockStep
+from cfnav_ros.lock_step import LOST_S, Answer, LockStep
 from cfnav_ros.motion import STOP
 from cfnav_ros.parameters import PolicyParameters, declare
 from cfnav_ros.senses import Senses
@@ -50,6 +50,8 @@ GUARD_PERIOD_S = 0.1
 
 DIAGNOSTICS_S = 1.0
 """Real time between two messages on /diagnostics."""
+
+CANCELED = "The goal was canceled."
 
 BURST_S = 0.6
 """How long zeros are sent before the process ends: a base may miss single ones."""
@@ -132,7 +134,7 @@ class PolicyNode(Node):
         self._clock_watch.restart(self._begun_at)
         self._velocity.restart()
         if self._lock_step:
-            self._lock_step.restart()
+            self._lock_step.restart(self._begun_at)
         else:
             self._timer.reset()
         self._publish_status(self._episode, EpisodeStatus.STARTED)
@@ -181,7 +183,7 @@ class PolicyNode(Node):
         output = episode.update(t, inputs)
         canceled = self._goals.canceled
         if canceled:  # after the update: what goes wrong in the same moment is said first
-            episode.finish("canceled", "The goal was canceled.")
+            episode.finish("canceled", CANCELED)
         self._velocity.send(STOP if canceled else output.command)
         if output.tilt is not None:
             self._tilts.publish(Float64(data=output.tilt))
@@ -211,6 +213,7 @@ class PolicyNode(Node):
             self._velocity.send(STOP)
         if alarm >= Alarm.FAIL:
             episode.fail(watch.reason)
+            self._timer.reset()  # after a jump back it would sleep until the old time comes again
         if alarm >= Alarm.END:
             self._end(episode)
         return alarm >= Alarm.END
@@ -237,6 +240,8 @@ class PolicyNode(Node):
         if settled and step.complete(self._senses.inputs):
             # Triggered, not called: what else has arrived (bumps, states) is taken in first.
             self._all_here.trigger()
+        elif step.silence(real) > self._patience(self._episode):
+            self._give_up(self._episode)
         elif settled and step.lost(real):
             self.get_logger().warning("Messages of a moment were lost: going on without them.")
             self._velocity.send(STOP)
@@ -251,7 +256,23 @@ class PolicyNode(Node):
         self._update(episode)
         if episode.phase is Phase.THINK:
             self._update(episode)  # the answer is there: _submit waited for it
-        self._tell(step.answer(time.monotonic()))
+        self._tell(step.act(time.monotonic()))
+
+    def _give_up(self, episode: Episode) -> None:
+        """End an episode for which the simulator's time does not go on."""
+        if self._goals.canceled:
+            episode.finish("canceled", CANCELED)
+        episode.fail(
+            f"No moment of a simulator came whole for {self._patience(episode):g} s: has it ended, "
+            "or is lock_step set on a robot?"
+        )
+        self._velocity.send(STOP)
+        self._end(episode)
+
+    def _patience(self, episode: Episode) -> float:
+        """How long an episode in lock-step waits for a moment, real seconds."""
+        ending = episode.outcome or self._goals.canceled
+        return LOST_S if ending else self._settings.episode.preflight_timeout
 
     def _tell(self, answer: Answer | None) -> None:
         if answer is not None:
@@ -332,17 +353,15 @@ def main(args: list[str] | None = None) -> int:
         return 2
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    spend: Callable[[float], None] = executor.spin_once
     try:
         while not stop:
             executor.spin_once(timeout_sec=0.1)
         return 0
     except Exception:
         traceback.print_exc()
-        spend = time.sleep
         return 1
     finally:
-        node.shut_down(spend)
+        node.shut_down(executor.spin_once)
         rclpy.try_shutdown()
 
 
