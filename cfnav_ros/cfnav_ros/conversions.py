@@ -333,6 +333,18 @@ def status(episode: Episode, phase: int, bundle: str, now: Time) -> EpisodeStatu
     )
 
 
+def unserved(goal: str, given_up: NavigateToObject.Result, bundle: str, now: Time) -> EpisodeStatus:
+    """The end of a goal that never began."""
+    return EpisodeStatus(
+        header=Header(stamp=now, frame_id="base_link"),
+        phase=EpisodeStatus.ENDED,
+        goal=goal,
+        bundle=bundle,
+        outcome=given_up.outcome,
+        message=given_up.message,
+    )
+
+
 def result(episode: Episode) -> NavigateToObject.Result:
     """How an episode ended, for the client of the action."""
     return NavigateToObject.Result(

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 import rclpy
+from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import EpisodeStatus, Moment, MomentDone, PolicyDecision
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
@@ -35,6 +36,7 @@ from cfnav_ros.diagnostics import (
     episode_report,
     inference_report,
     input_reports,
+    status_reports,
 )
 from cfnav_ros.episode import Episode, Phase, StepRecord
 from cfnav_ros.goals import Goal, Goals
@@ -88,7 +90,7 @@ class PolicyNode(Node):
         self.create_timer(DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._answered = self.create_guard_condition(self._poke)
         self._all_here = self.create_guard_condition(self._act_on_moment)
-        self._goals = Goals(self, self._begin, self._preempt)
+        self._goals = Goals(self, self._begin, self._preempt, self._tell_unserved)
         self._announce()
         if settings.goal:
             self._goals.add(Goal(settings.goal))
@@ -144,6 +146,10 @@ class PolicyNode(Node):
         if self._episode is not None:
             self._episode.finish("preempted", reason)
 
+    def _tell_unserved(self, goal: Goal, given_up: NavigateToObject.Result) -> None:
+        now = conversions.ns_to_stamp(self._now_ns())
+        self._episodes.publish(conversions.unserved(goal.name, given_up, self._policy.name, now))
+
     def _end(self, episode: Episode) -> None:
         """Tell everybody how the episode ended and take the next goal, if any."""
         self._timer.cancel()
@@ -180,7 +186,10 @@ class PolicyNode(Node):
         t, inputs = self._now_ns() * 1e-9, self._senses.inputs
         if self._lock_step:
             t, inputs = self._lock_step.present(inputs)
+        begins = episode.phase is Phase.PREFLIGHT
         output = episode.update(t, inputs)
+        if begins and episode.phase is not Phase.PREFLIGHT and not episode.ended:
+            self._warn_of_hazards()
         canceled = self._goals.canceled
         if canceled:  # after the update: what goes wrong in the same moment is said first
             episode.finish("canceled", CANCELED)
@@ -191,6 +200,14 @@ class PolicyNode(Node):
             self._report(episode, output.record)
         if episode.ended:
             self._end(episode)
+
+    def _warn_of_hazards(self) -> None:
+        if "hazards" not in self._senses.heard:
+            self.get_logger().warning(
+                f"{self.resolve_topic_name('hazard_detection')}: not heard. The robot drives "
+                "without its bumper, and the result counts no bumps. On a TurtleBot 4 enable it in "
+                "the republisher's list."
+            )
 
     def _check_base(self) -> None:
         base = self._velocity.check()
@@ -300,6 +317,7 @@ class PolicyNode(Node):
         needed = (limits.lidar, limits.has_tilt)
         reports = (
             *input_reports(t, inputs, limits.ages, self._senses.rates(), *needed),
+            *status_reports(self._senses.heard),
             episode_report(self._episode),
             inference_report(*self._inferences.percentiles_ms(), limits.think_timeout),
             base_report(
