@@ -89,7 +89,7 @@ class Recorder:
             system_time: log system time instead of that of ``/clock``.
 
         Raises:
-            FileExistsError: the bag exists.
+            FileExistsError: the bag exists, or what a recording that broke off left of it.
             FileNotFoundError: a message package is not built.
         """
         shares = [get_package_share_path(name) for name in PACKAGES]
@@ -128,13 +128,19 @@ class Recorder:
         """Stop listening and finish the bag.
 
         Raises:
-            OSError: the bag could not be written, such as on a full disk.
+            OSError: the bag could not be written, such as on a full disk; what was is left.
         """
         self._stop()
         if self._error is not None:
-            self._writer.abort()
+            self._writer.leave()
             raise self._error
         self._writer.close()
+
+    def leave(self) -> Path:
+        """Stop listening and leave what was written where it is; returns its folder."""
+        self._stop()
+        self._writer.leave()
+        return self._writer.partial
 
     def abort(self) -> None:
         """Stop listening and leave no bag."""

@@ -56,7 +56,7 @@ def main(args: list[str] | None = None) -> int:
         recorder.close()
     except Exception as error:
         print(f"{NODE_NAME}: the bag could not be written: {error}", file=sys.stderr)
-        recorder.abort()
+        print(f"{NODE_NAME}: what was recorded before is in {recorder.leave()}", file=sys.stderr)
         return 1
     finally:
         rclpy.try_shutdown()

@@ -156,13 +156,29 @@ def small_files() -> None:
 
 
 @pytest.mark.usefixtures("publisher", "small_files")
-def test_a_full_disk_is_told_and_leaves_no_bag(context: Context, tmp_path: Path) -> None:
+def test_a_full_disk_is_told_and_leaves_what_was_written(context: Context, tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "bag", context)
     with pytest.raises(OSError, match="File too large"):
         recorder.wait_for("policy/decision", 1, 30)
     with pytest.raises(OSError, match="File too large"):
         recorder.close()
-    assert not [path for path in tmp_path.iterdir() if "bag" in path.name]
+    assert [path.name for path in tmp_path.glob("bag*")] == ["bag.partial"]
+    (file,) = (tmp_path / "bag.partial").rglob("*.mcap")
+    assert file.stat().st_size > 1000
+
+
+@pytest.mark.usefixtures("publisher", "small_files")
+def test_the_node_keeps_what_it_wrote_before_the_disk_was_full(
+    domain: int, start_process: Callable, tmp_path: Path
+) -> None:
+    arguments = ("cfnav_ros.recorder_node", "--ros-args", "-p", f"bag:={tmp_path}/drive")
+    recorder = start_process(*arguments, ROS_DOMAIN_ID=str(domain))
+    assert recorder.wait() == 1
+    assert f"what was recorded before is in {tmp_path}/drive.partial" in recorder.output
+    assert list((tmp_path / "drive.partial").rglob("*.mcap"))
+    again = start_process(*arguments, ROS_DOMAIN_ID=str(domain))
+    assert again.wait() == 2
+    assert "drive.partial exists already" in again.output
 
 
 def test_the_recorder_of_a_robot_stamps_system_time_and_keeps_a_bag(
