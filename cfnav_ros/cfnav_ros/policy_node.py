@@ -302,7 +302,8 @@ class PolicyNode(Node):
         """Publish a decision before it is executed."""
         now = conversions.ns_to_stamp(self._now_ns())
         zero_ns = (self._lock_step.zero_ns or 0) if self._lock_step else 0
-        self._decisions.publish(conversions.decision(record, episode.goal, now, zero_ns))
+        frame = self._settings.base_frame
+        self._decisions.publish(conversions.decision(record, episode.goal, now, zero_ns, frame))
         goal = self._goals.current
         if goal is not None:
             goal.tell(conversions.feedback(record, episode.track.path_length))
