@@ -94,7 +94,11 @@ def test_two_robots_in_one_graph_do_not_disturb_each_other(tmp_path, ros_domain_
             _, result = robot.result(futures[name])
             assert (result.outcome, result.steps) == ("step_limit", 3), result.message
             robot.wait(lambda robot=robot: len(robot.decisions) == 3, "its own decisions")
-            assert robot.frames == {f"{name}/base_link"}
+            assert (
+                robot.frames
+                == {d.header.frame_id for d in robot.decisions}
+                == {f"{name}/base_link"}
+            )
     left, right = robots["left"], robots["right"]
     assert (left.x, left.y) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert math.degrees(left.yaw) == pytest.approx(135, abs=LATE_DEG)
