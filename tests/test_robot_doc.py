@@ -124,6 +124,30 @@ def test_every_link_leads_somewhere() -> None:
             assert (DOC.parent / target).exists(), target
 
 
+@pytest.mark.ros
+@pytest.mark.parametrize("name", ["policy", "lidar"])
+def test_an_enclave_may_do_what_its_node_does(name: str, ros_domain_id: int) -> None:
+    rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+    pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
+    from cfnav_ros.lidar_collision_node import LidarCollisionNode
+    from cfnav_ros.policy_node import PolicyNode
+
+    (row,) = re.findall(rf"^\| `/cfnav/{name}` \| (.+) \| (.+) \|$", TEXT, re.MULTILINE)
+    told = [set(re.findall(r"`/?([\w/]+)`", cell)) for cell in row]
+    rclpy.init(domain_id=ros_domain_id)
+    try:
+        node = PolicyNode() if name == "policy" else LidarCollisionNode()
+        published = {publisher.topic_name[1:] for publisher in node.publishers}
+        heard = {subscription.topic_name[1:] for subscription in node.subscriptions}
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    # The velocity and those who may send it too are known only when a robot is there.
+    later = {"cmd_vel", "cmd_vel_unstamped", "other_publishers"} if name == "policy" else set()
+    assert published - {"parameter_events"} == told[0] - later - {"rosout"}
+    assert heard - {"oakd/rgb/preview/image_raw"} == told[1] - later
+
+
 FIRST_DRIVE = TEXT.partition("## The first drive")[2].partition("\n## ")[0]
 BODY_RADIUS = 0.171
 """m from the middle to the bumper: 342 mm long (TurtleBot 4 user manual, features)."""
