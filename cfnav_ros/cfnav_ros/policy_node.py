@@ -200,7 +200,7 @@ class PolicyNode(Node):
             self._check_time(self._episode)
 
     def _check_time(self, episode: Episode) -> bool:
-        """Stop the robot when node time stands still or leaps, which misleads every other watch.
+        """Stop the robot when node time stands or jumps, which misleads every other watch.
 
         Returns:
             Whether that ended the episode for good.
@@ -211,6 +211,7 @@ class PolicyNode(Node):
             self._velocity.send(STOP)
         if alarm >= Alarm.FAIL:
             episode.fail(watch.reason)
+            self._timer.reset()  # set back, node time would keep it silent until it was caught up
         if alarm >= Alarm.END:
             self._end(episode)
         return alarm >= Alarm.END
