@@ -262,7 +262,7 @@ class Episode:
             return Output()
         decision: Decision = answer.result()
         self.decision = decision
-        vetoed = self._vetoes(decision.action, seen)
+        vetoed = self._vetoes(decision.action, inputs)
         self.steps += 1
         self.vetoes += vetoed
         scan_ns = seen.estimate.stamp_ns if self._limits.lidar else 0
@@ -272,18 +272,24 @@ class Episode:
             return Output(record=record)
         return replace(self._execute(decision.action, t, inputs), record=record)
 
-    def _vetoes(self, action: Action, seen: Inputs) -> bool:
+    def _vetoes(self, action: Action, inputs: Inputs) -> bool:
         """Whether an action needs another look instead.
 
-        The way ahead is not free, or what the action is about was seen from another place: the way,
-        or the goal. A turn keeps to its heading wherever it starts.
+        The way ahead was not free when it was looked at, or is not free any more; or what the
+        action is about was seen from another place: the way, or the goal. A turn keeps to its
+        heading wherever it starts.
         """
         if action not in (Action.MoveAhead, Action.Done):
             return False
-        limits = self._limits
-        watched = action is Action.MoveAhead and limits.veto and limits.lidar
-        taken = watched and seen.estimate.estimate.probability >= limits.veto_probability
+        taken = action is Action.MoveAhead and (self._taken(self._observed) or self._taken(inputs))
         return taken or self._conduct.displaced
+
+    def _taken(self, inputs: Inputs) -> bool:
+        """Whether the LiDAR forbids a MoveAhead."""
+        limits, estimate = self._limits, inputs.estimate.estimate
+        if not (limits.veto and limits.lidar):
+            return False
+        return estimate.verdict is Verdict.BLIND or estimate.probability >= limits.veto_probability
 
     def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
         if action is Action.Done:

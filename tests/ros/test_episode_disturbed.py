@@ -11,7 +11,7 @@ from cfnav_ros.preflight import UNSTAMPED, BaseCheck
 
 from cfnav_core.actions import Action
 
-from .scripted_robot import BLOCKED, DT, Robot, driving, episode_of, run_now
+from .scripted_robot import BLIND, BLOCKED, DT, Robot, driving, episode_of, run_now
 
 
 def observing(episode):
@@ -73,6 +73,22 @@ def test_a_move_decided_before_a_push_is_not_executed():
     robot.run(episode)
     assert episode.outcome == "done"
     assert (robot.x, robot.y) == before
+
+
+@pytest.mark.parametrize("estimate", [BLOCKED, BLIND])
+@pytest.mark.parametrize("veto", [True, False])
+def test_who_steps_in_while_the_policy_thinks_is_heeded(estimate, veto):
+    robot, slow = Robot(), Slow()
+    episode, policy = episode_of(Action.MoveAhead, Action.Done, submit=slow, veto=veto)
+    robot.run(episode, until=lambda e: e.phase is Phase.THINK)
+    for tick in range(60):
+        robot.tick(episode)
+        robot.estimate = estimate if tick > 20 else robot.estimate
+    slow.waiting.clear()
+    robot.run(episode, until=lambda e: e.steps == 1)
+    assert policy.seen == [0.01]
+    assert (episode.vetoes, robot.records[0][1].vetoed) == (int(veto), veto)
+    assert (episode.phase is Phase.MOVE) is not veto
 
 
 def test_done_decided_before_a_push_means_looking_again():
