@@ -330,13 +330,15 @@ class Episode:
         return Output()
 
     def _guard(self, motion: Motion, inputs: Inputs) -> None:
-        """Stop a MoveAhead when a scan taken on the way sees less room than the way still needs."""
-        limits, odometry, seen = self._limits, inputs.odometry, inputs.estimate
+        """Stop a MoveAhead when a scan taken on the way sees less room than the way then needed.
+
+        The clearance keeps its margin; ``guard_slack`` is only what the way is not known by.
+        """
+        limits, seen = self._limits, inputs.estimate
         watched = limits.veto and limits.lidar and motion.action is Action.MoveAhead
         if not watched or seconds(seen.stamp_ns) <= self._since:
             return
-        driven = max(odometry.stamp - seconds(seen.stamp_ns), 0.0) * max(odometry.v, 0.0)
-        needed = motion.remaining(odometry) + driven - limits.guard_slack
+        needed = motion.remaining_at(seconds(seen.stamp_ns), inputs.odometry) - limits.guard_slack
         if seen.estimate.verdict is Verdict.BLIND or seen.estimate.clearance < needed:
             motion.block("The LiDAR sees the way closing.")
 

@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from cfnav_core.actions import STEP_M, TURN_RAD, Action
 from cfnav_ros.settings import setting
 
@@ -197,6 +199,7 @@ class Motion:
         self._mark = (t, self.remaining(odometry))
         self._aligned = bool(self._side)
         self._status = Status.DRIVING
+        self._trace = [(odometry.stamp, self.remaining(odometry))]
 
     def remaining(self, odometry: Odometry) -> float:
         """Way to go: metres along the grid heading, or radians in the sense of the turn."""
@@ -205,12 +208,20 @@ class Motion:
         dx, dy = odometry.x - self._start.x, odometry.y - self._start.y
         return self._step - (dx * math.cos(self._heading) + dy * math.sin(self._heading))
 
+    def remaining_at(self, stamp: float, odometry: Odometry) -> float:
+        """Way that was left at a time (seconds) between the start and the newest odometry."""
+        trace = [*self._trace, (odometry.stamp, self.remaining(odometry))]
+        stamps, ways = zip(*trace, strict=True)
+        return float(np.interp(stamp, stamps, ways))
+
     def update(self, t: float, odometry: Odometry) -> tuple[Command, Status]:
         """Advance to time t (seconds) with the newest odometry; zero velocity once final."""
         if self._status is not Status.DRIVING:
             return STOP, self._status
         dt, self._t = t - self._t, t
         remaining = self.remaining(odometry)
+        if odometry.stamp > self._trace[-1][0]:
+            self._trace.append((odometry.stamp, remaining))
         if dt > MAX_GAP_S:
             self._deadline += dt
             self._mark = (t, remaining)

@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 import pytest
-from cfnav_ros.inputs import Inputs, Tilt
+from cfnav_ros.inputs import Inputs, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Verdict
 from cfnav_ros.motion import STOP
 
@@ -119,14 +119,34 @@ def test_a_way_that_closes_stops_the_move():
     assert robot.x - before < 0.03
 
 
-def test_clearance_that_shrinks_with_the_way_does_not_stop_it():
+@pytest.mark.parametrize("age", [0, 2, 4])
+@pytest.mark.parametrize(("spare", "arrives"), [(-0.01, True), (-0.03, False)])
+def test_clearance_that_shrinks_with_the_way_does_not_stop_it_one_too_short_does(
+    age, spare, arrives
+):
+    """Scans are ``age`` periods old: the way that was left at their stamps counts."""
     robot = Robot()
     episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    stamped = []
     while not episode.ended:
-        room = 0.28 - robot.x
-        robot.estimate = Estimate(0.4, room, Verdict.GOOD, "", 1.0)
+        stamped.append((robot.t, 0.25 + spare - robot.x))
+        t, room = stamped[-1 - min(age, len(stamped) - 1)]
+        seen = Estimate(0.4, room, Verdict.GOOD, "", 1.0)
+        robot.fields = {"estimate": StampedEstimate(round(t * 1e9), seen)}
         robot.tick(episode)
-    assert robot.x == pytest.approx(0.25, abs=0.01)
+    if arrives:
+        assert robot.x == pytest.approx(0.25, abs=0.01)
+    else:
+        assert robot.x < 0.1
+
+
+def test_what_steps_close_while_driving_is_stopped_for_at_once():
+    robot = Robot()
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode, until=driving)
+    left = 0.25 - robot.x
+    robot.estimate = Estimate(0.97, left - 0.03, Verdict.GOOD, "", 1.0)
+    assert robot.tick(episode).command == STOP
 
 
 def test_step_and_time_limits():
