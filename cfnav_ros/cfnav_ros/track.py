@@ -30,7 +30,7 @@ class Track:
     """Accumulates over one episode; feed it every new message, repeats do no harm."""
 
     def __init__(self, bumped_at: float = -math.inf) -> None:
-        """Start from nothing; the bump reported at ``bumped_at`` (seconds) is an old one."""
+        """Start from nothing; the report of a bump that came at ``bumped_at``, seconds, is old."""
         self.path_length = 0.0
         self.bumps = 0
         self.slip = Slip()
@@ -63,10 +63,10 @@ class Track:
         self.path_length += math.hypot(sample.x - before.x, sample.y - before.y)
         return True
 
-    def bump(self, stamp: float) -> bool:
-        """Take the stamp of the newest bump report, seconds; True when it is a new contact."""
-        before, self._bumped_at = self._bumped_at, stamp
-        new = abs(stamp - before) > BUMP_GAP_S  # back, too, should one stamp have been ahead
+    def bump(self, came: float) -> bool:
+        """Take when the newest report of a bump came, seconds; True when it is a new contact."""
+        before, self._bumped_at = self._bumped_at, came
+        new = came - before > BUMP_GAP_S
         self.bumps += new
         return new
 

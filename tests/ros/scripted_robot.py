@@ -61,8 +61,9 @@ class Robot:
     def __init__(self):
         self.t = 100.0
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
-        self.estimate, self.base, self.bumped_at = FREE, READY, NEVER
-        self.front_bumped_at = NEVER
+        self.estimate, self.base = FREE, READY
+        self.bumped, self.front_bumped = NEVER, NEVER  # when the newest report of it came
+        self.bump_stamp = NEVER
         self.stuck, self.tilt_stuck, self.slips = False, False, False
         self.odometry = lambda t: Odometry(t, self.x, self.y, self.yaw, self.v, self.w)
         self.fields = {}  # inputs that are other than they should be
@@ -79,8 +80,9 @@ class Robot:
             estimate=StampedEstimate(ns, self.estimate),
             odometry=self.odometry(self.t),
             tilt=Tilt(self.t, self.tilt),
-            bumped_at=self.bumped_at,
-            front_bumped_at=self.front_bumped_at,
+            bumped_at=self.bump_stamp,
+            front_bumped_at=self.bump_stamp,
+            arrived={"bumped_at": self.bumped, "front_bumped_at": self.front_bumped},
         )
         new = dataclasses.replace(new, **self.fields)
         if self.inputs:

@@ -183,7 +183,7 @@ def test_a_bump_ends_the_move_is_counted_once_and_the_episode_goes_on():
     robot.run(episode, until=driving)
     x = robot.x
     while not episode.ended:
-        robot.bumped_at = robot.t  # pressed from now on
+        robot.bumped = robot.t  # pressed from now on
         robot.tick(episode)
     assert (episode.outcome, episode.track.bumps) == ("done", 1)
     assert robot.x - x < 0.02
@@ -192,7 +192,7 @@ def test_a_bump_ends_the_move_is_counted_once_and_the_episode_goes_on():
 
 def test_a_bump_before_the_episode_is_not_counted():
     robot = Robot()
-    robot.bumped_at = 99.0
+    robot.bumped = 99.0
     episode, _ = episode_of(Action.RotateLeft, Action.Done)
     robot.run(episode)
     assert episode.track.bumps == 0

@@ -156,7 +156,7 @@ def test_the_reflex_after_a_bump_is_no_push():
     robot = Robot()
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.Done)
     robot.run(episode, until=driving)
-    robot.bumped_at = robot.t
+    robot.bumped = robot.t
     robot.tick(episode)
     for _ in range(4):
         robot.tick(episode)  # it rests, then its reflex backs off
@@ -166,10 +166,12 @@ def test_the_reflex_after_a_bump_is_no_push():
 
 
 def test_a_pressed_bumper_forbids_driving_ahead_but_no_turn():
+    """Also one whose reports all have the same stamp."""
     robot = Robot()
+    robot.bump_stamp = 0.0
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.MoveAhead, Action.Done)
     while not episode.ended:
-        robot.bumped_at = robot.front_bumped_at = robot.t
+        robot.bumped = robot.front_bumped = robot.t
         robot.tick(episode)
     assert (episode.outcome, robot.x, robot.y) == ("done", 0.0, 0.0)
     assert math.degrees(robot.yaw) == pytest.approx(45, abs=1)
@@ -180,7 +182,7 @@ def test_one_bump_stamped_by_another_clock_blocks_only_while_it_is_new(skew):
     robot = Robot()
     episode, _ = episode_of(*[Action.MoveAhead] * 4, Action.Done)
     robot.run(episode, until=driving)
-    robot.bumped_at = robot.front_bumped_at = robot.t + skew
+    robot.bumped, robot.front_bumped, robot.bump_stamp = robot.t, robot.t, robot.t + skew
     robot.tick(episode)
     assert robot.commands[-1][1] == STOP
     x = robot.x
@@ -190,11 +192,19 @@ def test_one_bump_stamped_by_another_clock_blocks_only_while_it_is_new(skew):
     assert robot.x - x == pytest.approx(0.5, abs=0.03)
 
 
+def test_a_bumper_pressed_before_the_episode_is_old_until_it_is_reported_again():
+    robot = Robot()
+    robot.bumped = robot.front_bumped = robot.t
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode)
+    assert (episode.track.bumps, robot.x) == (0, pytest.approx(0.25, abs=0.01))
+
+
 def test_a_push_long_after_a_bump_stamped_ahead_is_a_push():
     robot = Robot()
     episode, _ = episode_of(*[Action.RotateLeft] * 3, Action.Done)
     robot.run(episode, until=observing)
-    robot.bumped_at = robot.t + 60.0
+    robot.bumped, robot.bump_stamp = robot.t, robot.t + 60.0
     robot.run(episode, until=lambda e: e.steps == 2)
     robot.run(episode, until=observing)
     assert robot.t - 100.0 > 2.5
