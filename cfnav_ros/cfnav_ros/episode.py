@@ -151,6 +151,8 @@ class Episode:
         if self.phase is Phase.STOPPING:
             return self._stopping(t)
         if stands or self.ended:
+            if self._motion:
+                self._motion.pause(t, inputs.odometry)
             return Output()
         phases = {
             Phase.PREFLIGHT: self._preflight,

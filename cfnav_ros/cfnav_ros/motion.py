@@ -95,7 +95,7 @@ class MotionLimits:
 
 
 MAX_GAP_S = 0.3
-"""Updates further apart than this do not count against deadline and stall (inputs were lost)."""
+"""Updates further apart than this are a pause: the process stalled, and the base has stopped."""
 
 JUMP_M, JUMP_M_PER_S = 0.10, 0.46
 JUMP_RAD, JUMP_RAD_PER_S = math.radians(20.0), 1.9
@@ -219,18 +219,35 @@ class Motion:
         if self._status is not Status.DRIVING:
             return STOP, self._status
         dt, self._t = t - self._t, t
-        remaining = self.remaining(odometry)
-        if odometry.stamp > self._trace[-1][0]:
-            self._trace.append((odometry.stamp, remaining))
+        remaining = self._follow(odometry)
         if dt > MAX_GAP_S:
-            self._deadline += dt
-            self._mark = (t, remaining)
-            self._speed, dt = 0.0, 0.0
+            self._rest(dt, remaining)
+            dt = 0.0
         self._status = self._judge(t, odometry, remaining)
         self._last = odometry
         if self._status is not Status.DRIVING:
             return STOP, self._status
         return self._drive(remaining, odometry, dt, self._lag(t, odometry)), self._status
+
+    def pause(self, t: float, odometry: Odometry) -> None:
+        """The base is told to stand at time t (seconds): it starts anew, nothing counts against it.
+
+        Going back meanwhile does: a base that was told to stand was pushed.
+        """
+        dt, self._t = t - self._t, t
+        self._rest(dt, self._follow(odometry))
+
+    def _follow(self, odometry: Odometry) -> float:
+        remaining = self.remaining(odometry)
+        if odometry.stamp > self._trace[-1][0]:
+            self._trace.append((odometry.stamp, remaining))
+        return remaining
+
+    def _rest(self, dt: float, remaining: float) -> None:
+        """Time that the base did not drive."""
+        self._deadline += dt
+        self._mark = (self._t, min(remaining, self._mark[1]))
+        self._speed = 0.0
 
     def bump(self) -> None:
         """The bumper was hit: a MoveAhead ends, a turn goes on (it may be the way out)."""

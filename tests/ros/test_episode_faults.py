@@ -5,7 +5,7 @@ from concurrent.futures import Future
 
 import pytest
 from cfnav_ros.episode import Phase
-from cfnav_ros.inputs import Frame, Inputs
+from cfnav_ros.inputs import Frame, Inputs, PictureCheck
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import STOP
 from cfnav_ros.preflight import BaseCheck
@@ -140,6 +140,18 @@ def test_an_input_that_comes_back_resumes_the_motion():
     robot.run(episode)
     assert episode.outcome == "done"
     assert robot.x == pytest.approx(0.25, abs=0.01)
+
+
+def test_an_input_that_is_late_for_one_tick_does_not_make_the_robot_jerk():
+    robot = Robot()
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode, until=lambda e: robot.v == pytest.approx(0.2))
+    robot.fields = {"picture": PictureCheck(waiting="The camera is frozen.")}
+    assert robot.tick(episode).command == STOP
+    robot.fields = {}
+    speeds = [robot.tick(episode).command.v for _ in range(3)]
+    assert speeds == pytest.approx([0.05, 0.075, 0.1])
+    assert robot.run(episode).outcome == "done"
 
 
 def test_a_blind_lidar_forbids_moving_and_then_ends_the_episode():

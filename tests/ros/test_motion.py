@@ -1,6 +1,7 @@
 """Discrete motions on a small base model: accelerations, late odometry, faults."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from cfnav_ros.motion import (
@@ -229,6 +230,36 @@ def test_a_gap_in_the_updates_counts_neither_as_stall_nor_as_delay():
         command, status = motion.update(base.t, base.reported)
         base.drive(command)
     assert status is Status.SUCCEEDED
+
+
+@pytest.mark.parametrize("ticks", [1, 3, 5, 200])
+def test_a_pause_starts_anew_from_rest_and_counts_against_nothing(ticks):
+    base, limits = Base(), MotionLimits()
+    motion = Motion(Action.MoveAhead, 0.0, base.reported, 0.0)
+    for _ in range(12):
+        command, status = motion.update(base.t, base.reported)
+        base.drive(command)
+    assert command.v == pytest.approx(0.2)
+    for _ in range(ticks):
+        motion.pause(base.t, base.reported)
+        base.drive(STOP)
+    speeds = [0.0]
+    while status is Status.DRIVING:
+        command, status = motion.update(base.t, base.reported)
+        speeds.append(command.v)
+        base.drive(command)
+    assert status is Status.SUCCEEDED
+    rises = [after - before for before, after in pairwise(speeds)]
+    assert max(rises) <= max(limits.v_min, limits.a_lin * DT) + 1e-9
+
+
+def test_a_slow_push_back_during_a_pause_is_a_push():
+    base = Base()
+    motion = Motion(Action.MoveAhead, 0.0, base.reported, 0.0)
+    for k in range(1, 41):
+        pushed = Odometry(k * DT, -0.004 * k, 0.0, 0.0)
+        motion.pause(k * DT, pushed)
+    assert motion.update(41 * DT, pushed) == (STOP, Status.PUSHED)
 
 
 def test_block_and_bump_end_a_move_but_not_a_turn():
