@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from cfnav_core.actions import HORIZONS_RAD, Action
 from cfnav_ros.conduct import Conduct
-from cfnav_ros.inputs import NEVER, Inputs, seconds
+from cfnav_ros.inputs import NEVER, Inputs
 from cfnav_ros.lidar import Verdict
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import STOP, Command, Motion, Status
@@ -233,8 +233,8 @@ class Episode:
         if since is None:
             return False
         since = max(since, self._conduct.stands_from)
-        seen = seconds(inputs.frame.stamp_ns) >= since + self._limits.settle
-        scanned = not self._limits.lidar or seconds(inputs.estimate.stamp_ns) >= since
+        seen = inputs.made("frame") >= since + self._limits.settle
+        scanned = not self._limits.lidar or inputs.made("estimate") >= since
         return seen and scanned and inputs.frame.stamp_ns > self._observed.frame.stamp_ns
 
     def _ask(self, t: float, inputs: Inputs) -> None:
@@ -338,9 +338,10 @@ class Episode:
         """
         limits, seen = self._limits, inputs.estimate
         watched = limits.veto and limits.lidar and motion.action is Action.MoveAhead
-        if not watched or seconds(seen.stamp_ns) <= self._since:
+        scanned = inputs.made("estimate")
+        if not watched or scanned <= self._since:
             return
-        needed = motion.remaining_at(seconds(seen.stamp_ns), inputs.odometry) - limits.guard_slack
+        needed = motion.remaining_at(scanned, inputs.odometry) - limits.guard_slack
         if seen.estimate.verdict is Verdict.BLIND or seen.estimate.clearance < needed:
             motion.block("The LiDAR sees the way closing.")
 

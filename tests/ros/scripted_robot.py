@@ -68,6 +68,7 @@ class Robot:
         self.odometry = lambda t: Odometry(t, self.x, self.y, self.yaw, self.v, self.w)
         self.fields = {}  # inputs that are other than they should be
         self.frozen = set()  # inputs that no longer arrive
+        self.lead = 0.0  # by which the stamps of camera and LiDAR are ahead
         self.inputs = None
         self.commands, self.tilts, self.records = [], [], []
 
@@ -85,11 +86,22 @@ class Robot:
             arrived={"bumped_at": self.bumped, "front_bumped_at": self.front_bumped},
         )
         new = dataclasses.replace(new, **self.fields)
+        if self.lead:
+            new = self._stamped_ahead(new)
         if self.inputs:
             kept = {name: getattr(self.inputs, name) for name in self.frozen}
             new = dataclasses.replace(new, **kept)
         self.inputs = new
         return new
+
+    def _stamped_ahead(self, new):
+        ns, came = round((self.t + self.lead) * 1e9), {"frame": self.t, "estimate": self.t}
+        return dataclasses.replace(
+            new,
+            frame=dataclasses.replace(new.frame, stamp_ns=ns),
+            estimate=dataclasses.replace(new.estimate, stamp_ns=ns),
+            arrived={**new.arrived, **came},
+        )
 
     def tick(self, episode):
         output = episode.update(self.t, self.sense())

@@ -30,15 +30,18 @@ def test_an_episode_from_goal_to_done():
     assert robot.commands[-1][1] == STOP
 
 
-def test_decisions_are_made_on_pictures_taken_after_the_robot_stood():
+@pytest.mark.parametrize("lead", [0.0, 0.4])
+def test_decisions_are_made_on_pictures_taken_after_the_robot_stood(lead):
+    """Whatever their stamps say."""
     robot = Robot()
+    robot.lead = lead
     episode, _ = episode_of(*[Action.MoveAhead, Action.RotateRight] * 4, Action.Done)
     robot.run(episode)
     moving = [t for t, command in robot.commands if command != STOP]
     for t, record in robot.records:
         last = max((m for m in moving if m < t), default=0.0)
-        assert record.image_stamp_ns * 1e-9 >= last + DT + 0.15
-        assert record.estimate_stamp_ns * 1e-9 >= last
+        assert record.image_stamp_ns * 1e-9 - lead >= last + DT + 0.15
+        assert record.estimate_stamp_ns * 1e-9 - lead >= last
     stamps = [record.image_stamp_ns for _, record in robot.records]
     assert len(set(stamps)) == len(stamps)
 
