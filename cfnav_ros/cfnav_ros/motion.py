@@ -110,10 +110,11 @@ RETREAT = 1.5
 
 OFF_LINE_M, OFF_LINE_RAD = 0.06, math.radians(30.0)
 """Further from the line of a MoveAhead, or from the place of a turn, than the base can get by
-itself: it drifts millimetres, and starts at most 22.5 degrees off its grid heading."""
+itself: it drifts millimetres, and starts at most 10 degrees off its grid heading."""
 
 ALIGN_RAD = math.radians(10.0)
-"""A MoveAhead that starts further off its grid heading (after a push) turns in place first."""
+"""A MoveAhead that starts further off its grid heading (after a push) is only a turn to it: nobody
+has judged yet what lies ahead there."""
 
 
 def wrap(angle: float) -> float:
@@ -192,14 +193,21 @@ class Motion:
         self.reason = ""
         self._side = {Action.RotateLeft: 1, Action.RotateRight: -1}.get(action, 0)
         self._heading = grid_heading(odometry.yaw, origin, self._side)
+        error = wrap(self._heading - odometry.yaw)
+        if not self._side and abs(error) > ALIGN_RAD:
+            self._side = 1 if error > 0 else -1
         self._start, self._last = odometry, odometry
         self._limits, self._step = limits, step
         self._t, self._speed = t, 0.0
         self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
         self._mark = (t, self.remaining(odometry))
-        self._aligned = bool(self._side)
         self._status = Status.DRIVING
         self._trace = [(odometry.stamp, self.remaining(odometry))]
+
+    @property
+    def advances(self) -> bool:
+        """Whether the base is to move on, not only to turn in place."""
+        return not self._side
 
     def remaining(self, odometry: Odometry) -> float:
         """Way to go: metres along the grid heading, or radians in the sense of the turn."""
@@ -308,10 +316,6 @@ class Motion:
             return Command(w=self._side * self._speed)
         error = wrap(self._heading - odometry.yaw)
         hold = max(-limits.hold_rate, min(limits.hold_rate, limits.heading_gain * error))
-        self._aligned = self._aligned or abs(error) <= ALIGN_RAD
-        if not self._aligned:
-            self._mark = (self._t, remaining)  # turning in place is no stall; the deadline counts
-            return Command(0.0, hold)
         self._speed = trapezoid(
             remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, lag
         )

@@ -11,7 +11,7 @@ from cfnav_ros.preflight import UNSTAMPED, BaseCheck
 
 from cfnav_core.actions import Action
 
-from .scripted_robot import BLIND, BLOCKED, DT, Robot, driving, episode_of, run_now
+from .scripted_robot import BLIND, BLOCKED, DT, FREE, Robot, driving, episode_of, run_now
 
 
 def observing(episode):
@@ -89,6 +89,20 @@ def test_who_steps_in_while_the_policy_thinks_is_heeded(estimate, veto):
     assert policy.seen == [0.01]
     assert (episode.vetoes, robot.records[0][1].vetoed) == (int(veto), veto)
     assert (episode.phase is Phase.MOVE) is not veto
+
+
+def test_a_move_off_its_heading_turns_looks_again_and_heeds_what_lies_there():
+    robot = Robot()
+    episode, policy = episode_of(Action.MoveAhead, Action.MoveAhead, Action.Done)
+    robot.run(episode, until=observing)
+    push(robot, episode, y=0.0, yaw=math.radians(20))
+    while not episode.ended:
+        robot.tick(episode)
+        robot.estimate = BLOCKED if abs(robot.yaw) < math.radians(2) else FREE
+    assert (episode.outcome, episode.vetoes) == ("done", 1)
+    assert policy.seen == [0.01, 0.97, 0.97]
+    assert (robot.x, robot.y) == (0.0, 0.0)
+    assert robot.yaw == pytest.approx(0.0, abs=math.radians(1))
 
 
 def test_done_decided_before_a_push_means_looking_again():
