@@ -67,8 +67,6 @@ class Conduct:
     def end_motion(self, t: float, inputs: Inputs, motion: Motion, status: Status) -> str:
         """Keep account of motions that failed in a row; too many are the end."""
         self.stands_from = t
-        if status is Status.ODOM_JUMP:
-            return motion.reason
         limits = self._limits
         self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
         self._stalls = self._stalls + 1 if status is Status.STALLED else 0

@@ -1,8 +1,8 @@
 """One discrete motion, closed-loop on odometry: MoveAhead, RotateLeft, RotateRight.
 
-Pure: time is an argument. The robot keeps to the episode's eight headings: every motion steers for
-the grid heading, not for the heading it happened to start with, so that what one turn leaves over
-is carried into the next.
+Pure: time is an argument, and so is odometry that has not jumped (``track`` tells). The robot keeps
+to the episode's eight headings: every motion steers for the grid heading, not for the heading it
+happened to start with, so that what one turn leaves over is carried into the next.
 """
 
 from __future__ import annotations
@@ -49,7 +49,6 @@ class Status(Enum):
     STALLED = "stalled"
     PUSHED = "pushed"
     TIMEOUT = "timeout"
-    ODOM_JUMP = "odometry jumped"
 
 
 @dataclass(frozen=True)
@@ -97,10 +96,6 @@ class MotionLimits:
 MAX_GAP_S = 0.3
 """Updates further apart than this are a pause: the process stalled, and the base has stopped."""
 
-JUMP_M, JUMP_M_PER_S = 0.10, 0.46
-JUMP_RAD, JUMP_RAD_PER_S = math.radians(20.0), 1.9
-"""Odometry that moves more between two samples, beyond the base's top speed, was reset."""
-
 STALL_M = 0.02
 STALL_RAD = math.radians(2.0)
 """Progress expected within ``stall_time``."""
@@ -134,14 +129,6 @@ def grid_heading(yaw: float, origin: float, turns: int = 0) -> float:
         Radians in [-pi, pi).
     """
     return wrap(origin + (round(wrap(yaw - origin) / TURN_RAD) + turns) * TURN_RAD)
-
-
-def jumped(before: Odometry, after: Odometry) -> bool:
-    """Whether the pose moved further between two samples than a base can drive."""
-    dt = max(after.stamp - before.stamp, 0.0)
-    leap = math.hypot(after.x - before.x, after.y - before.y)
-    turn = abs(wrap(after.yaw - before.yaw))
-    return leap > JUMP_M + JUMP_M_PER_S * dt or turn > JUMP_RAD + JUMP_RAD_PER_S * dt
 
 
 def trapezoid(
@@ -196,7 +183,7 @@ class Motion:
         error = wrap(self._heading - odometry.yaw)
         if not self._side and abs(error) > ALIGN_RAD:
             self._side = 1 if error > 0 else -1
-        self._start, self._last = odometry, odometry
+        self._start = odometry
         self._limits, self._step = limits, step
         self._t, self._speed = t, 0.0
         self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
@@ -232,7 +219,6 @@ class Motion:
             self._rest(dt, remaining)
             dt = 0.0
         self._status = self._judge(t, odometry, remaining)
-        self._last = odometry
         if self._status is not Status.DRIVING:
             return STOP, self._status
         return self._drive(remaining, odometry, dt, self._lag(t, odometry)), self._status
@@ -272,9 +258,6 @@ class Motion:
         tolerance = math.radians(limits.tolerance_deg) if self._side else limits.tolerance_m
         stall = STALL_RAD if self._side else STALL_M
         marked_t, marked = self._mark
-        if jumped(self._last, odometry):
-            self.reason = "Odometry jumped between two samples."
-            return Status.ODOM_JUMP
         # By the time a zero takes effect the robot has gone on.
         if remaining <= tolerance + self._speed * self._lag(t, odometry):
             return Status.SUCCEEDED

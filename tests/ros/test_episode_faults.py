@@ -1,6 +1,7 @@
 """Episodes in which something is missing, wrong or lost: waited for, refused or aborted."""
 
 import dataclasses
+import math
 from concurrent.futures import Future
 
 import pytest
@@ -204,11 +205,13 @@ def test_a_camera_that_does_not_tilt_ends_the_episode():
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_an_odometry_reset_aborts(moved):
+@pytest.mark.parametrize(("x", "yaw"), [(1.0, 0.0), (0.0, math.pi / 2)])
+def test_an_odometry_reset_aborts(moved, x, yaw):
     robot = Robot()
     episode, _ = episode_of(*[Action.MoveAhead] * 9)
     robot.run(episode, until=driving if moved else lambda e: e.phase is Phase.OBSERVE)
-    robot.x += 1.0
+    robot.x, robot.yaw = robot.x + x, robot.yaw + yaw
+    assert robot.tick(episode).command == STOP
     robot.run(episode)
     assert episode.outcome == "aborted"
     assert "Odometry jumped" in episode.message

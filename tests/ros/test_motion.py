@@ -161,8 +161,6 @@ def test_being_turned_off_its_line_is_a_push():
     base = Base()
     motion = Motion(Action.MoveAhead, 0.0, base.reported, 0.0)
     turned = Odometry(0.05, 0.0, 0.0, math.radians(31), 0.1, 0.0)
-    # Odometry that turns further between two samples than a base can was reset.
-    motion.update(0.02, Odometry(0.02, 0.0, 0.0, math.radians(15), 0.1, 0.0))
     assert motion.update(0.05, turned) == (STOP, Status.PUSHED)
 
 
@@ -203,18 +201,6 @@ def test_a_base_that_creeps_times_out():
     assert status is Status.TIMEOUT
     assert "in time" in motion.reason
     assert 5.0 < len(commands) * DT < 5.3
-
-
-@pytest.mark.parametrize("leap", [(0.5, 0.0), (0.0, math.pi / 2)])
-def test_an_odometry_reset_ends_the_motion(leap):
-    def reset(base):
-        late = base.t > 0.6
-        return Odometry(base.t, base.x + leap[0] * late, base.y, base.yaw + leap[1] * late)
-
-    status, motion, commands = run(Base(), Action.MoveAhead, change=reset)
-    assert status is Status.ODOM_JUMP
-    assert motion.reason.endswith(".")
-    assert commands[-1] == STOP
 
 
 def test_a_gap_in_the_updates_counts_neither_as_stall_nor_as_delay():
