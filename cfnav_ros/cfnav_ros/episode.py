@@ -17,7 +17,7 @@ from cfnav_core.actions import HORIZONS_RAD, Action
 from cfnav_ros.conduct import Conduct
 from cfnav_ros.inputs import NEVER, Inputs
 from cfnav_ros.lidar import Verdict
-from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.limits import EpisodeLimits, with_live
 from cfnav_ros.motion import STOP, Command, Motion, Status
 from cfnav_ros.track import Track
 from cfnav_ros.watch import Watch
@@ -129,6 +129,12 @@ class Episode:
         """
         if message:
             self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
+
+    def adopt(self, limits: EpisodeLimits) -> None:
+        """Take what may change while an episode runs, for a motion under way too."""
+        self._limits = with_live(self._limits, limits)
+        if self._motion:
+            self._motion.limits = self._limits.motion
 
     def update(self, t: float, inputs: Inputs) -> Output:
         """Advance to node time t (seconds) with the newest inputs.

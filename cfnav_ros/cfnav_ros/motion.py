@@ -168,7 +168,7 @@ class Motion:
             t: node time, seconds.
             odometry: where the robot stands now.
             origin: a heading of the episode's 45-degree set, odom frame, radians.
-            limits: speeds and tolerances.
+            limits: speeds and tolerances; may be replaced under way.
             step: length of MoveAhead, metres.
 
         Raises:
@@ -184,7 +184,7 @@ class Motion:
         if not self._side and abs(error) > ALIGN_RAD:
             self._side = 1 if error > 0 else -1
         self._start = odometry
-        self._limits, self._step = limits, step
+        self.limits, self._step = limits, step
         self._t, self._speed = t, 0.0
         self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
         self._mark = (t, self.remaining(odometry))
@@ -254,7 +254,7 @@ class Motion:
             self._status, self.reason = status, reason
 
     def _judge(self, t: float, odometry: Odometry, remaining: float) -> Status:
-        limits = self._limits
+        limits = self.limits
         tolerance = math.radians(limits.tolerance_deg) if self._side else limits.tolerance_m
         stall = STALL_RAD if self._side else STALL_M
         marked_t, marked = self._mark
@@ -288,10 +288,10 @@ class Motion:
 
     def _lag(self, t: float, odometry: Odometry) -> float:
         """Seconds from the sample until a command sent now takes effect."""
-        return self._limits.latency + min(max(t - odometry.stamp, 0.0), MAX_GAP_S)
+        return self.limits.latency + min(max(t - odometry.stamp, 0.0), MAX_GAP_S)
 
     def _drive(self, remaining: float, odometry: Odometry, dt: float, lag: float) -> Command:
-        limits = self._limits
+        limits = self.limits
         if self._side:
             self._speed = trapezoid(
                 remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, lag

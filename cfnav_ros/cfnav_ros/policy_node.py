@@ -118,8 +118,10 @@ class PolicyNode(Node):
     # Goals
 
     def _adopt(self, settings: PolicyParameters) -> None:
-        """Take changed parameters for the next episode; what runs keeps those it began with."""
+        """Take changed parameters at once."""
         self._settings = settings
+        if self._episode is not None:
+            self._episode.adopt(settings.episode)
 
     def _begin(self, goal: Goal) -> None:
         limits = self._settings.episode
