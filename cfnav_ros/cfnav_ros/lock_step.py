@@ -87,7 +87,6 @@ class LockStep:
     def restart(self) -> None:
         """An episode begins: its times count from the next moment that is acted on."""
         self.zero_ns = None
-        self._presented, self._came_ns = Inputs(), {}
 
     def present(self, inputs: Inputs) -> tuple[float, Inputs]:
         """Time and inputs as the episode gets them.
@@ -106,6 +105,7 @@ class LockStep:
         assert moment is not None
         if self.zero_ns is None:
             self.zero_ns = moment.stamp_ns - BEGIN_NS
+            self._presented, self._came_ns = none, {}
         for name in inputs.arrived:
             if getattr(inputs, name) is not getattr(self._presented, name):
                 self._came_ns[name] = moment.stamp_ns

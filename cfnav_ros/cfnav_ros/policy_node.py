@@ -213,7 +213,7 @@ class PolicyNode(Node):
             self._velocity.send(STOP)
         if alarm >= Alarm.FAIL:
             episode.fail(watch.reason)
-            self._timer.reset()  # set back, node time would keep it silent until it was caught up
+            self._timer.reset()  # after a jump back it would sleep until the old time comes again
         if alarm >= Alarm.END:
             self._end(episode)
         return alarm >= Alarm.END
