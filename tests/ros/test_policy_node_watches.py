@@ -10,8 +10,6 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from sensor_msgs.msg import CompressedImage, JointState  # noqa: E402
 
 from .policy_graph import policy_graph, standing  # noqa: E402
@@ -146,6 +144,9 @@ def test_a_system_clock_set_back_rouses_the_timer_that_stops_the_robot():
 
 
 def test_a_live_parameter_takes_hold_in_the_drive_under_way(graph, make_bundle):
+    from rclpy.parameter import Parameter
+    from rclpy.parameter_client import AsyncParameterClient
+
     robot, _, _ = graph(make_bundle("MoveAhead"))
     client = AsyncParameterClient(robot.node, "policy_node")
     future = robot.send()[1]
