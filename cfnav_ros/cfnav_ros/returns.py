@@ -34,7 +34,8 @@ class Scan:
     """One turn of a planar laser scanner, in the fields and units of sensor_msgs/LaserScan.
 
     ``ranges`` is float32 [N], metres; beam i looks along ``angle_min + i * angle_increment``,
-    radians counter-clockwise in the scanner's frame ``frame``.
+    radians counter-clockwise in the scanner's frame ``frame``. ``scan_time`` is how long the turn
+    took, seconds, 0 when the driver does not say.
     """
 
     ranges: np.ndarray
@@ -44,6 +45,7 @@ class Scan:
     range_min: float
     range_max: float
     frame: str = ""
+    scan_time: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ class Lidar:
         message.header.stamp = stamp or self.node.get_clock().now().to_msg()
         message.header.frame_id = scan.frame
         message.angle_min, message.angle_max = scan.angle_min, scan.angle_max
-        message.angle_increment = scan.angle_increment
+        message.angle_increment, message.scan_time = scan.angle_increment, scan.scan_time
         message.ranges = array("f", scan.ranges.astype(np.float32).tobytes())
         self.scans.publish(message)
         return message.header.stamp
