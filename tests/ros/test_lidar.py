@@ -135,7 +135,38 @@ def test_a_chair_leg_off_centre_counts_where_the_disc_meets_it():
         return range0 if abs(bearing - bearing0) < math.radians(0.8) else room(bearing)
 
     estimate = estimate_collision(scan_of(leg))
-    assert estimate.clearance == pytest.approx(x - math.sqrt(REACH**2 - y**2), abs=0.01)
+    free = x - math.sqrt(DISC.radius**2 - y**2) - DISC.margin
+    assert estimate.clearance == pytest.approx(free, abs=0.01)
+
+
+def leg_at(x, y):
+    """A scan of a thin leg in base_link in the middle of a room."""
+    bearing0, range0 = math.atan2(y, x + 0.04), math.hypot(x + 0.04, y)
+
+    def leg(bearing):
+        return range0 if abs(bearing - bearing0) < math.radians(0.5) else room(bearing)
+
+    return scan_of(leg)
+
+
+@pytest.mark.parametrize("aside", [0.177, 0.180, 0.184])
+def test_a_leg_beside_the_way_leaves_it_free_for_probability_and_clearance_alike(aside):
+    estimate = estimate_collision(leg_at(0.2, aside + 0.003))  # a return is 3 mm wide there
+    assert estimate.probability < 0.2
+    assert estimate.clearance > 2.0
+
+
+def test_who_is_let_begin_is_not_stopped_by_the_same_view():
+    """What the veto passes, the clearance leaves a step for, but for the margin and the end."""
+    short = DISC.margin - NOMINAL.end_bias
+    passed = 0
+    for x in np.linspace(0.15, 0.5, 15):
+        for y in np.linspace(0.0, 0.2, 41):
+            estimate = estimate_collision(leg_at(x, y))
+            if estimate.probability < 0.5:
+                passed += 1
+                assert estimate.clearance > DISC.step - short - 0.001, (x, y)
+    assert passed > 100
 
 
 def test_only_what_is_ahead_matters():
