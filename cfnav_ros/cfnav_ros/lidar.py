@@ -71,7 +71,8 @@ class SweptDisc:
     guards a motion under way; it makes the hull no wider, so that what the probability lets pass
     aside does not stop the motion later. An unknown arc of ``blind_arc_deg`` hides something 0.2 m
     wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera bracket stand at
-    the bearings of ``mask_bearings_deg`` (turtlebot4_description).
+    the bearings of ``mask_bearings_deg`` (turtlebot4_description); what returns there from within
+    ``radius`` is the robot itself.
     """
 
     mount_x: float = field(
@@ -168,7 +169,7 @@ def estimate_collision(
     if fault:
         return blind(fault)
     half_width = math.radians(disc.mask_half_width_deg)
-    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, before)
+    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, disc.radius, before)
     turn = _turn(view, disc, errors)
     others = (*(replace(turn, motion=name) for name in OTHERS[:2]), _back(view, scan, disc, errors))
     known, arc, returns = _quality(view, False, disc.sector_deg)

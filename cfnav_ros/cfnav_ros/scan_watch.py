@@ -38,7 +38,7 @@ class ScanWatch:
         """
         self._stale, self._frozen, self._mounting = stale, frozen, mounting
         self._disc, self._errors = disc, errors
-        self._own_parts = OwnParts(disc.mask_bearings)
+        self._own_parts = OwnParts(disc.mask_bearings, disc.radius)
         self._newest: float | None = None
         self._ended = -math.inf
         self._same = b""

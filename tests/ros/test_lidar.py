@@ -239,6 +239,19 @@ def test_the_robots_own_posts_are_no_obstacle():
     assert estimate_collision(scan, unmasked).probability > 0.99
 
 
+def test_what_stands_on_the_hull_is_masked_and_what_stands_behind_it_is_not():
+    """By hand: at 20 degrees the hull ends sqrt(0.175^2 - 0.0137^2) + 0.0376 = 0.212 m away."""
+    mast = SweptDisc(mask_bearings_deg="20")
+    for at, free in ((0.16, True), (0.205, True), (0.22, False), (0.3, False)):
+        scan = replaced(scan_of(room), at, 17, 23)
+        estimate = estimate_collision(scan, mast)
+        assert estimate.verdict is Verdict.GOOD
+        assert (estimate.probability < NEAR) is free, at
+        assert (estimate.clearance > 2.0) is free, at
+        assert (others(scan, mast)["RotateLeft"].probability < 1e-6) is (free or at > 0.22)
+        assert estimate_collision(scan).probability > 0.99
+
+
 @pytest.mark.parametrize(("returns", "copies"), [(360, 1), (1034, 1), (360, 3), (1080, 3)])
 def test_the_number_of_ranges_may_change(returns, copies):
     estimate = estimate_collision(scan_of(wall_ahead(0.6), returns, copies))
@@ -309,8 +322,8 @@ def test_bad_settings_are_refused_with_a_sentence():
 # Other motions
 
 
-def others(scan):
-    return {other.motion: other for other in estimate_collision(scan).others}
+def others(scan, disc=DISC):
+    return {other.motion: other for other in estimate_collision(scan, disc).others}
 
 
 def test_a_turn_touches_only_what_the_hull_touches():

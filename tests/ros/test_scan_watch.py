@@ -228,7 +228,7 @@ def test_a_turned_scanner_is_found_by_the_robots_own_posts():
 
 @pytest.mark.parametrize("turned_deg", [10, 30, 90, 150, -45, 180])
 def test_every_turn_beyond_a_posts_width_is_found(turned_deg):
-    parts = OwnParts(DISC.mask_bearings)
+    parts = OwnParts(DISC.mask_bearings, DISC.radius)
     turned = behind_posts(scan_of(room), turned_deg)
     sentences = [parts.look(scan, DISC.mount) for scan in stream(SEEN_THROUGH, turned)]
     assert bool(sentences[-1])
@@ -237,7 +237,7 @@ def test_every_turn_beyond_a_posts_width_is_found(turned_deg):
 
 def test_a_scanner_that_turns_the_wrong_way_is_found():
     """Mirrored about the laser's own axis, which points left: front and rear are swapped."""
-    parts = OwnParts(DISC.mask_bearings)
+    parts = OwnParts(DISC.mask_bearings, DISC.radius)
     for scan in stream(SEEN_THROUGH):
         mirrored = dataclasses.replace(scan, ranges=np.roll(scan.ranges[::-1], -3))
         sentence = parts.look(mirrored, DISC.mount)
@@ -245,7 +245,7 @@ def test_a_scanner_that_turns_the_wrong_way_is_found():
 
 
 def test_a_few_ghosts_behind_posts_are_no_turn():
-    parts, rng = OwnParts(DISC.mask_bearings), np.random.default_rng(3)
+    parts, rng = OwnParts(DISC.mask_bearings, DISC.radius), np.random.default_rng(3)
     for scan in stream(200):
         ranges = scan.ranges.copy()
         ghost = np.repeat(rng.random(360) < 0.2, 3) & np.isinf(ranges)
@@ -253,6 +253,15 @@ def test_a_few_ghosts_behind_posts_are_no_turn():
         assert parts.look(dataclasses.replace(scan, ranges=ranges), DISC.mount) == ""
 
 
+def test_parts_that_return_from_within_the_hull_are_not_seen_through():
+    """By hand: 0.17 m from the LiDAR no post's bearing has left the hull, 0.25 m all have."""
+    for at, fault in ((0.17, False), (0.25, True)):
+        parts = OwnParts((math.radians(58.3), math.radians(-58.3)), DISC.radius)
+        mast = replaced(replaced(scan_of(room), at, 54, 62), at, -62, -54)
+        sentences = [parts.look(scan, DISC.mount) for scan in stream(SEEN_THROUGH, mast)]
+        assert bool(sentences[-1]) is fault
+
+
 def test_a_robot_without_parts_has_none_to_look_for():
-    parts = OwnParts(SweptDisc(mask_bearings_deg="").mask_bearings)
+    parts = OwnParts((), DISC.radius)
     assert not any(parts.look(scan, DISC.mount) for scan in stream(30, scan_of(room)))
