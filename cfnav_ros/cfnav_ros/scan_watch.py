@@ -12,6 +12,9 @@ from cfnav_ros.mounting import Mounting, OwnParts
 from cfnav_ros.returns import malformed
 from cfnav_ros.sweep import ErrorModel
 
+GRAPH_S = 0.2
+"""How often to look at who publishes scans, real seconds: a rival is known within two scans."""
+
 LONGEST_TURN_S = 0.2
 """The slowest of the supported scanners turns five times a second; a header that says more is not
 believed, so that it cannot make old scans young."""
