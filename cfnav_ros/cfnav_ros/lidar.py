@@ -205,9 +205,10 @@ def _sweep(
     seen = seen_probability(turned, view.ranges, disc.radius, disc.step, errors)
     gaps = _arcs(view.unknown, back, math.pi / 2)
     hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
-    way = free_way(turned, disc.radius).min(initial=limit) - disc.margin
-    unseen = errors.unseen_near if way < disc.step + errors.overhang else errors.unseen
-    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(way), 0.0)
+    beside = free_way(turned, disc.radius + errors.overhang_aside).min(initial=limit)
+    unseen = errors.unseen_near if beside < disc.step + errors.overhang else errors.unseen
+    clearance = free_way(turned, disc.radius).min(initial=limit) - disc.margin
+    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(clearance), 0.0)
 
 
 def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
