@@ -278,7 +278,8 @@ def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
         middle = wrap(middle - math.pi)
     if half >= math.pi:  # all round: nothing to cut off
         return np.array((middle - width / 2, middle + width / 2)).T
-    if width.max(initial=0.0) > math.pi:  # it may reach into the sector from the other side
+    # A wide gap, and any in a wide sector, may reach into it from the other side too.
+    if half > math.pi / 2 or width.max(initial=0.0) > math.pi:
         middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
         width = np.tile(width, 3)
     begin, end = np.maximum(middle - width / 2, -half), np.minimum(middle + width / 2, half)

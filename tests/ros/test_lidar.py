@@ -9,6 +9,7 @@ from cfnav_ros.lidar import (
     Scan,
     SweptDisc,
     Verdict,
+    _arcs,
     estimate_collision,
 )
 from cfnav_ros.returns import Mount, distinct_returns
@@ -377,6 +378,19 @@ def test_an_arc_behind_counts_whole_for_a_turn():
         no_parts = estimate_collision(scan, SweptDisc(mask_bearings_deg=""))
         assert no_parts.others[0].verdict is verdict, width
         assert no_parts.verdict is Verdict.GOOD
+
+
+@pytest.mark.parametrize("centre", [170, -170, 180, 10])
+@pytest.mark.parametrize("back", [False, True])
+def test_an_arc_across_the_end_of_a_wide_sector_counts_on_both_sides(centre, back):
+    """By hand: 50 degrees wide in a sector of 170 to each side, 20 of the turn are left out."""
+    gaps = np.radians([[centre, 50.0]])
+    found = np.degrees(_arcs(gaps, back, math.radians(170)))
+    middle = centre - 180 if back else centre
+    turns = [(middle - 25 + turn, middle + 25 + turn) for turn in (-360, 0, 360)]
+    inside = [(max(low, -170), min(high, 170)) for low, high in turns]
+    expected = sorted(arc for arc in inside if arc[1] > arc[0])
+    assert sorted(map(tuple, found)) == [pytest.approx(arc) for arc in expected]
 
 
 def test_a_scan_that_does_not_reach_round_leaves_the_rest_unknown():
