@@ -7,7 +7,7 @@ its collision probability is 1.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import lru_cache
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from cfnav_core.actions import STEP_M
 from cfnav_ros.returns import Beams, Mount, Scan, View, look, malformed, wrap
+from cfnav_ros.settings import setting
 from cfnav_ros.sweep import NOMINAL, ErrorModel, free_way, hidden_probability, seen_probability
 
 
@@ -75,56 +76,25 @@ class SweptDisc:
     ``radius`` is the robot itself.
     """
 
-    mount_x: float = field(
-        default=-0.04, metadata={"help": "LiDAR in base_link, forward, m", "min": -0.5, "max": 0.5}
+    mount_x: float = setting(-0.04, "LiDAR in base_link, forward, m", -0.5, 0.5)
+    mount_y: float = setting(0.0, "LiDAR in base_link, left, m", -0.5, 0.5)
+    mount_yaw_deg: float = setting(90.0, "LiDAR x-axis in base_link, deg", -360.0, 360.0)
+    radius: float = setting(0.175, "hull of the robot, m", 0.01, 1.0)
+    margin: float = setting(0.01, "kept ahead by the clearance, m", 0.0, 0.5)
+    step: float = setting(STEP_M, "length of MoveAhead, m", 0.01, 2.0)
+    sector_deg: float = setting(60.0, "half-width judged for quality", 5.0, 180.0)
+    min_known: float = setting(0.4, "less known of the sector is BLIND", 0.0, 1.0)
+    good_known: float = setting(0.8, "less known is DEGRADED", 0.0, 1.0)
+    blind_arc_deg: float = setting(25.0, "longer unknown arc: BLIND", 1.0, 360.0)
+    good_arc_deg: float = setting(10.0, "longer unknown arc: DEGRADED", 0.0, 360.0)
+    min_returns: int = setting(8, "fewest distinct forward returns", 1, 1000)
+    mask_bearings_deg: str = setting(
+        "58.3 -58.3 111.7 -111.7 180", "bearings of the robot's own parts seen by the LiDAR"
     )
-    mount_y: float = field(
-        default=0.0, metadata={"help": "LiDAR in base_link, left, m", "min": -0.5, "max": 0.5}
-    )
-    mount_yaw_deg: float = field(
-        default=90.0,
-        metadata={"help": "LiDAR x-axis in base_link, deg", "min": -360.0, "max": 360.0},
-    )
-    radius: float = field(
-        default=0.175, metadata={"help": "hull of the robot, m", "min": 0.01, "max": 1.0}
-    )
-    margin: float = field(
-        default=0.01, metadata={"help": "kept ahead by the clearance, m", "min": 0.0, "max": 0.5}
-    )
-    step: float = field(
-        default=STEP_M, metadata={"help": "length of MoveAhead, m", "min": 0.01, "max": 2.0}
-    )
-    sector_deg: float = field(
-        default=60.0, metadata={"help": "half-width judged for quality", "min": 5.0, "max": 180.0}
-    )
-    min_known: float = field(
-        default=0.4, metadata={"help": "less known of the sector is BLIND", "min": 0.0, "max": 1.0}
-    )
-    good_known: float = field(
-        default=0.8, metadata={"help": "less known is DEGRADED", "min": 0.0, "max": 1.0}
-    )
-    blind_arc_deg: float = field(
-        default=25.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
-    )
-    good_arc_deg: float = field(
-        default=10.0, metadata={"help": "longer unknown arc: DEGRADED", "min": 0.0, "max": 360.0}
-    )
-    min_returns: int = field(
-        default=8, metadata={"help": "fewest distinct forward returns", "min": 1, "max": 1000}
-    )
-    mask_bearings_deg: str = field(
-        default="58.3 -58.3 111.7 -111.7 180",
-        metadata={"help": "bearings of the robot's own parts seen by the LiDAR"},
-    )
-    mask_half_width_deg: float = field(
-        default=4.0, metadata={"help": "half-width of each, deg", "min": 0.0, "max": 45.0}
-    )
+    mask_half_width_deg: float = setting(4.0, "half-width of each, deg", 0.0, 45.0)
 
     def __post_init__(self) -> None:
-        for name in ("radius", "step", "sector_deg"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a positive number.")
-        _ = self.mask_bearings
+        _ = self.mask_bearings  # refuses what is no list of numbers
 
     @property
     def mask_bearings(self) -> tuple[float, ...]:

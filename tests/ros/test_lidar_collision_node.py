@@ -178,6 +178,8 @@ def test_the_node(graph):
     ("parameter", "sentence"),
     [
         ("disc.radius:=-1.0", "disc.radius is -1.0, expected 0.01 to 1."),
+        ("errors.end:=0.0", "errors.end is 0.0, expected 0.0001 to 0.1."),
+        ("stale:=0.0", "stale is 0.0, expected 0.05 to 10."),
         ("stael:=1.0", "There is no parameter 'stael'; there are stale,"),
     ],
 )
