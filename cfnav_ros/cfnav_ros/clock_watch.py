@@ -1,4 +1,4 @@
-"""Node time that stands still or leaps: it misleads every other watch.
+"""Node time that stands still, leaps or jumps back: it misleads every other watch.
 
 Pure: real time is an argument too.
 """
@@ -62,6 +62,9 @@ class ClockWatch:
         if before is not None and read_ns != before:
             advance, passed = (read_ns - before) * 1e-9, real - self._moved_at
             self._moved_at = real
+            if advance < 0:
+                self.reason = "Node time jumped back."
+                return Alarm.FAIL
             if before and advance > LEAP_S + MOST_SPEED * passed:
                 self.reason = f"Node time leapt ahead by {advance:.1f} s: was the clock set?"
                 return Alarm.FAIL

@@ -19,20 +19,6 @@ REFLEX_S = 2.0
 at 0.14 m/s); nobody pushes it."""
 
 
-class Reported:
-    """When a report last came, by node time: what its sender's clock says does not matter."""
-
-    def __init__(self, stamp: float = NEVER) -> None:
-        """The report with this stamp, seconds, is an old one."""
-        self._stamp, self._at = stamp, NEVER
-
-    def within(self, t: float, stamp: float, limit: float) -> bool:
-        """Take the stamp of the newest report; whether one came in the last ``limit`` seconds."""
-        if stamp != self._stamp:
-            self._stamp, self._at = stamp, t
-        return t - self._at < limit
-
-
 class Conduct:
     """Follows the base; each method returns one sentence when the episode must end, else empty."""
 
@@ -45,15 +31,13 @@ class Conduct:
         """What was seen before this time was seen from elsewhere, or on the way."""
         self._limits = limits
         self._standing = Standing()
-        self._bump, self._front_bump = Reported(), Reported()
+        self._begun = NEVER
         self._failed_motions = self._stalls = 0
 
     def start(self, t: float, inputs: Inputs) -> None:
         """The episode drives from now on; what was reported before is old."""
-        self.track = Track(inputs.bumped_at)
-        self._bump = Reported(inputs.bumped_at)
-        self._front_bump = Reported(inputs.front_bumped_at)
-        self.stands_from = t
+        self.track = Track(inputs.arrived.get("bumped_at", NEVER))
+        self.stands_from = self._begun = t
 
     def look(self) -> None:
         """What is seen now is decided on."""
@@ -66,9 +50,8 @@ class Conduct:
     def follow(self, t: float, inputs: Inputs, motion: Motion | None) -> str:
         """Take account of odometry, bumps, and motion that nobody commanded."""
         sample = inputs.odometry
-        pressed = self._front_bump.within(t, inputs.front_bumped_at, PRESSED_S)
-        reflex = self._bump.within(t, inputs.bumped_at, REFLEX_S)
-        if (self.track.bump(inputs.bumped_at) or pressed) and motion:
+        bumped = self.track.bump(inputs.arrived.get("bumped_at", NEVER))
+        if motion and (bumped or self._reported(t, inputs, "front_bumped_at", PRESSED_S)):
             motion.bump()
         if not self.track.odometry(sample):
             return "Odometry jumped: its pose was reset, or the robot was moved."
@@ -78,14 +61,12 @@ class Conduct:
             if slip:
                 motion.block(slip, Status.STALLED)
         elif self._standing.moved(sample, self.rests()):
-            return self._pushed(t, reflex)
+            return self._pushed(t, inputs)
         return ""
 
     def end_motion(self, t: float, inputs: Inputs, motion: Motion, status: Status) -> str:
         """Keep account of motions that failed in a row; too many are the end."""
         self.stands_from = t
-        if status is Status.ODOM_JUMP:
-            return motion.reason
         limits = self._limits
         self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
         self._stalls = self._stalls + 1 if status is Status.STALLED else 0
@@ -93,13 +74,20 @@ class Conduct:
             return f"{self._stalls} motions failed: {motion.reason}"
         if self._failed_motions >= limits.max_failed_motions:
             return f"{self._failed_motions} motions failed: {motion.reason}"
-        reflex = self._bump.within(t, inputs.bumped_at, REFLEX_S)
-        return self._pushed(t, reflex) if status is Status.PUSHED else ""
+        return self._pushed(t, inputs) if status is Status.PUSHED else ""
 
-    def _pushed(self, t: float, reflex: bool) -> str:
+    def _reported(self, t: float, inputs: Inputs, name: str, limit: float) -> bool:
+        """Whether a report came in the last ``limit`` seconds, and not before the episode.
+
+        Its stamp does not matter: some senders' clocks differ, others never set one.
+        """
+        came = inputs.arrived.get(name, NEVER)
+        return came > self._begun and t - came < limit
+
+    def _pushed(self, t: float, inputs: Inputs) -> str:
         """The base moved by itself: what was seen before is of another place."""
         self.stands_from, self.displaced = t, True
-        if reflex:
+        if self._reported(t, inputs, "bumped_at", REFLEX_S):
             return ""
         self.pushes += 1
         if self.pushes < self._limits.max_pushes:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 from cfnav_core.actions import HORIZONS_RAD, Action
 from cfnav_ros.conduct import Conduct
-from cfnav_ros.inputs import NEVER, Inputs, seconds
+from cfnav_ros.inputs import NEVER, Inputs
 from cfnav_ros.lidar import Verdict
-from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.limits import EpisodeLimits, with_live
 from cfnav_ros.motion import STOP, Command, Motion, Status
 from cfnav_ros.track import Track
 from cfnav_ros.watch import Watch
@@ -130,6 +130,12 @@ class Episode:
         if message:
             self.finish("refused" if self.phase is Phase.PREFLIGHT else "aborted", message)
 
+    def adopt(self, limits: EpisodeLimits) -> None:
+        """Take what may change while an episode runs, for a motion under way too."""
+        self._limits = with_live(self._limits, limits)
+        if self._motion:
+            self._motion.limits = self._limits.motion
+
     def update(self, t: float, inputs: Inputs) -> Output:
         """Advance to node time t (seconds) with the newest inputs.
 
@@ -151,6 +157,8 @@ class Episode:
         if self.phase is Phase.STOPPING:
             return self._stopping(t)
         if stands or self.ended:
+            if self._motion:
+                self._motion.pause(t, inputs.odometry)
             return Output()
         phases = {
             Phase.PREFLIGHT: self._preflight,
@@ -231,8 +239,8 @@ class Episode:
         if since is None:
             return False
         since = max(since, self._conduct.stands_from)
-        seen = seconds(inputs.frame.stamp_ns) >= since + self._limits.settle
-        scanned = not self._limits.lidar or seconds(inputs.estimate.stamp_ns) >= since
+        seen = inputs.made("frame") >= since + self._limits.settle
+        scanned = not self._limits.lidar or inputs.made("estimate") >= since
         return seen and scanned and inputs.frame.stamp_ns > self._observed.frame.stamp_ns
 
     def _ask(self, t: float, inputs: Inputs) -> None:
@@ -262,7 +270,7 @@ class Episode:
             return Output()
         decision: Decision = answer.result()
         self.decision = decision
-        vetoed = self._vetoes(decision.action, seen)
+        vetoed = self._vetoes(decision.action, inputs)
         self.steps += 1
         self.vetoes += vetoed
         scan_ns = seen.estimate.stamp_ns if self._limits.lidar else 0
@@ -272,18 +280,24 @@ class Episode:
             return Output(record=record)
         return replace(self._execute(decision.action, t, inputs), record=record)
 
-    def _vetoes(self, action: Action, seen: Inputs) -> bool:
+    def _vetoes(self, action: Action, inputs: Inputs) -> bool:
         """Whether an action needs another look instead.
 
-        The way ahead is not free, or what the action is about was seen from another place: the way,
-        or the goal. A turn keeps to its heading wherever it starts.
+        The way ahead was not free when it was looked at, or is not free any more; or what the
+        action is about was seen from another place: the way, or the goal. A turn keeps to its
+        heading wherever it starts.
         """
         if action not in (Action.MoveAhead, Action.Done):
             return False
-        limits = self._limits
-        watched = action is Action.MoveAhead and limits.veto and limits.lidar
-        taken = watched and seen.estimate.estimate.probability >= limits.veto_probability
+        taken = action is Action.MoveAhead and (self._taken(self._observed) or self._taken(inputs))
         return taken or self._conduct.displaced
+
+    def _taken(self, inputs: Inputs) -> bool:
+        """Whether the LiDAR forbids a MoveAhead."""
+        limits, estimate = self._limits, inputs.estimate.estimate
+        if not (limits.veto and limits.lidar):
+            return False
+        return estimate.verdict is Verdict.BLIND or estimate.probability >= limits.veto_probability
 
     def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
         if action is Action.Done:
@@ -324,13 +338,16 @@ class Episode:
         return Output()
 
     def _guard(self, motion: Motion, inputs: Inputs) -> None:
-        """Stop a MoveAhead when a scan taken on the way sees less room than the way still needs."""
-        limits, odometry, seen = self._limits, inputs.odometry, inputs.estimate
-        watched = limits.veto and limits.lidar and motion.action is Action.MoveAhead
-        if not watched or seconds(seen.stamp_ns) <= self._since:
+        """Stop a MoveAhead when a scan taken on the way sees less room than the way then needed.
+
+        The clearance keeps its margin; ``guard_slack`` is only what the way is not known by.
+        """
+        limits, seen = self._limits, inputs.estimate
+        watched = limits.veto and limits.lidar and motion.advances
+        scanned = inputs.made("estimate")
+        if not watched or scanned <= self._since:
             return
-        driven = max(odometry.stamp - seconds(seen.stamp_ns), 0.0) * max(odometry.v, 0.0)
-        needed = motion.remaining(odometry) + driven - limits.guard_slack
+        needed = motion.remaining_at(scanned, inputs.odometry) - limits.guard_slack
         if seen.estimate.verdict is Verdict.BLIND or seen.estimate.clearance < needed:
             motion.block("The LiDAR sees the way closing.")
 

@@ -117,6 +117,11 @@ class Inputs:
             "tilt": self.tilt.stamp,
         }
 
+    def made(self, name: str) -> float:
+        """When an input that has an age was made, seconds: it cannot be later than it came."""
+        stamp = self.stamps[name]
+        return min(stamp, self.arrived.get(name, stamp))
+
 
 @dataclass(frozen=True)
 class AgeLimits:
@@ -180,15 +185,16 @@ def input_complaint(t: float, inputs: Inputs, field_name: str, limit: float) -> 
 
 def _age_complaint(t: float, inputs: Inputs, field_name: str, limit: float) -> str:
     name, stamp = NAMES[field_name], inputs.stamps[field_name]
-    arrived = inputs.arrived.get(field_name, NEVER)
+    arrived = inputs.arrived.get(field_name, stamp)
+    made = inputs.made(field_name)
     if stamp == NEVER:
         return f"no {name} has arrived"
     if stamp - t > FUTURE_S:
         return f"the {name} is stamped {stamp - t:.1f} s in the future"
-    if t - stamp <= limit:
+    if t - made <= limit:
         return ""
     if t - arrived > limit:
-        return f"the newest {name} is {t - stamp:.2f} s old (limit {limit:g} s)"
+        return f"the newest {name} is {t - made:.2f} s old (limit {limit:g} s)"
     if stamp == 0:
         return f"the {name} arrives without a time, stamped 0: set it in its driver"
     return (

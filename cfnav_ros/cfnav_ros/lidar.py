@@ -7,7 +7,7 @@ its collision probability is 1.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import lru_cache
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from cfnav_core.actions import STEP_M
 from cfnav_ros.returns import Beams, Mount, Scan, View, look, malformed, wrap
+from cfnav_ros.settings import setting
 from cfnav_ros.sweep import NOMINAL, ErrorModel, free_way, hidden_probability, seen_probability
 
 
@@ -47,7 +48,7 @@ OTHERS = ("RotateLeft", "RotateRight", "MoveBack")
 class Estimate:
     """What one scan says about the next MoveAhead.
 
-    ``clearance`` is how far the footprint, ``margin`` included, can advance before contact, metres,
+    ``clearance`` is how far the footprint can advance and stay ``margin`` before contact, metres,
     at most the scanner's range and 0 when blind. ``known_fraction`` is the share of forward beams
     with a usable return. ``reason`` is one sentence unless the verdict is GOOD. ``unknown_arc`` is
     the longest forward arc without a return, degrees. ``others`` judges the motions of ``OTHERS``.
@@ -67,62 +68,33 @@ class SweptDisc:
     """Geometry and thresholds of the estimate; lengths in metres, angles in degrees.
 
     Sources: the mounting is the TurtleBot 4's URDF, the radius Nav2's ``robot_radius`` for it and
-    the hull of the built-in rooms. ``margin`` belongs to the published clearance, which guards a
-    motion under way, and not to the probability. An unknown arc of ``blind_arc_deg`` hides
-    something 0.2 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
-    bracket stand at the bearings of ``mask_bearings_deg`` (turtlebot4_description).
+    the hull of the built-in rooms. ``margin`` is kept ahead by the published clearance, which
+    guards a motion under way; it makes the hull no wider, so that what the probability lets pass
+    aside does not stop the motion later. An unknown arc of ``blind_arc_deg`` hides something 0.2 m
+    wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera bracket stand at
+    the bearings of ``mask_bearings_deg`` (turtlebot4_description); what returns there from within
+    ``radius`` is the robot itself.
     """
 
-    mount_x: float = field(
-        default=-0.04, metadata={"help": "LiDAR in base_link, forward, m", "min": -0.5, "max": 0.5}
+    mount_x: float = setting(-0.04, "LiDAR in base_link, forward, m", -0.5, 0.5)
+    mount_y: float = setting(0.0, "LiDAR in base_link, left, m", -0.5, 0.5)
+    mount_yaw_deg: float = setting(90.0, "LiDAR x-axis in base_link, deg", -360.0, 360.0)
+    radius: float = setting(0.175, "hull of the robot, m", 0.01, 1.0)
+    margin: float = setting(0.01, "kept ahead by the clearance, m", 0.0, 0.5)
+    step: float = setting(STEP_M, "length of MoveAhead, m", 0.01, 2.0)
+    sector_deg: float = setting(60.0, "half-width judged for quality", 5.0, 180.0)
+    min_known: float = setting(0.4, "less known of the sector is BLIND", 0.0, 1.0)
+    good_known: float = setting(0.8, "less known is DEGRADED", 0.0, 1.0)
+    blind_arc_deg: float = setting(25.0, "longer unknown arc: BLIND", 1.0, 360.0)
+    good_arc_deg: float = setting(10.0, "longer unknown arc: DEGRADED", 0.0, 360.0)
+    min_returns: int = setting(8, "fewest distinct forward returns", 1, 1000)
+    mask_bearings_deg: str = setting(
+        "58.3 -58.3 111.7 -111.7 180", "bearings of the robot's own parts seen by the LiDAR"
     )
-    mount_y: float = field(
-        default=0.0, metadata={"help": "LiDAR in base_link, left, m", "min": -0.5, "max": 0.5}
-    )
-    mount_yaw_deg: float = field(
-        default=90.0,
-        metadata={"help": "LiDAR x-axis in base_link, deg", "min": -360.0, "max": 360.0},
-    )
-    radius: float = field(
-        default=0.175, metadata={"help": "hull of the robot, m", "min": 0.01, "max": 1.0}
-    )
-    margin: float = field(
-        default=0.01, metadata={"help": "added for the clearance, m", "min": 0.0, "max": 0.5}
-    )
-    step: float = field(
-        default=STEP_M, metadata={"help": "length of MoveAhead, m", "min": 0.01, "max": 2.0}
-    )
-    sector_deg: float = field(
-        default=60.0, metadata={"help": "half-width judged for quality", "min": 5.0, "max": 180.0}
-    )
-    min_known: float = field(
-        default=0.4, metadata={"help": "less known of the sector is BLIND", "min": 0.0, "max": 1.0}
-    )
-    good_known: float = field(
-        default=0.8, metadata={"help": "less known is DEGRADED", "min": 0.0, "max": 1.0}
-    )
-    blind_arc_deg: float = field(
-        default=25.0, metadata={"help": "longer unknown arc: BLIND", "min": 1.0, "max": 360.0}
-    )
-    good_arc_deg: float = field(
-        default=10.0, metadata={"help": "longer unknown arc: DEGRADED", "min": 0.0, "max": 360.0}
-    )
-    min_returns: int = field(
-        default=8, metadata={"help": "fewest distinct forward returns", "min": 1, "max": 1000}
-    )
-    mask_bearings_deg: str = field(
-        default="58.3 -58.3 111.7 -111.7 180",
-        metadata={"help": "bearings of the robot's own parts seen by the LiDAR"},
-    )
-    mask_half_width_deg: float = field(
-        default=4.0, metadata={"help": "half-width of each, deg", "min": 0.0, "max": 45.0}
-    )
+    mask_half_width_deg: float = setting(4.0, "half-width of each, deg", 0.0, 45.0)
 
     def __post_init__(self) -> None:
-        for name in ("radius", "step", "sector_deg"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a positive number.")
-        _ = self.mask_bearings
+        _ = self.mask_bearings  # refuses what is no list of numbers
 
     @property
     def mask_bearings(self) -> tuple[float, ...]:
@@ -167,7 +139,7 @@ def estimate_collision(
     if fault:
         return blind(fault)
     half_width = math.radians(disc.mask_half_width_deg)
-    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, before)
+    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, disc.radius, before)
     turn = _turn(view, disc, errors)
     others = (*(replace(turn, motion=name) for name in OTHERS[:2]), _back(view, scan, disc, errors))
     known, arc, returns = _quality(view, False, disc.sector_deg)
@@ -203,9 +175,10 @@ def _sweep(
     seen = seen_probability(turned, view.ranges, disc.radius, disc.step, errors)
     gaps = _arcs(view.unknown, back, math.pi / 2)
     hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
-    way = free_way(turned, disc.radius + disc.margin).min(initial=limit)
-    unseen = errors.unseen_near if way < disc.step + errors.overhang else errors.unseen
-    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(way), 0.0)
+    beside = free_way(turned, disc.radius + errors.overhang_aside).min(initial=limit)
+    unseen = errors.unseen_near if beside < disc.step + errors.overhang else errors.unseen
+    clearance = free_way(turned, disc.radius).min(initial=limit) - disc.margin
+    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(clearance), 0.0)
 
 
 def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
@@ -275,7 +248,8 @@ def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
         middle = wrap(middle - math.pi)
     if half >= math.pi:  # all round: nothing to cut off
         return np.array((middle - width / 2, middle + width / 2)).T
-    if width.max(initial=0.0) > math.pi:  # it may reach into the sector from the other side
+    # A wide gap, and any in a wide sector, may reach into it from the other side too.
+    if half > math.pi / 2 or width.max(initial=0.0) > math.pi:
         middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
         width = np.tile(width, 3)
     begin, end = np.maximum(middle - width / 2, -half), np.minimum(middle + width / 2, half)

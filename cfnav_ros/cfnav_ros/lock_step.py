@@ -56,6 +56,7 @@ class LockStep:
         self.moment: Moment | None = None
         self.zero_ns: int | None = None
         """Simulated time from which the episode's times count, nanoseconds."""
+        self._presented, self._came_ns = Inputs(), dict[str, int]()
         self._waiting_from: float | None = None
         self._acted_at = 0.0
         self._last: Answer | None = None
@@ -105,7 +106,7 @@ class LockStep:
 
         Both count from its first moment, exact to the nanosecond, so that an episode does not
         depend on when it was begun. What the simulator has not sent yet since it began anew is
-        left out.
+        left out. A message counts as arrived at the moment at which it is first presented.
 
         Args:
             inputs: the newest messages.
@@ -117,6 +118,11 @@ class LockStep:
         assert moment is not None
         if self.zero_ns is None:
             self.zero_ns = moment.stamp_ns - BEGIN_NS
+            self._presented, self._came_ns = none, {}
+        for name in inputs.arrived:
+            if getattr(inputs, name) is not getattr(self._presented, name):
+                self._came_ns[name] = moment.stamp_ns
+        self._presented = inputs
         frame, estimate = inputs.frame, inputs.estimate
         odometry, tilt = inputs.odometry, inputs.tilt
         frame = replace(frame, stamp_ns=frame.stamp_ns - self.zero_ns)
@@ -131,7 +137,7 @@ class LockStep:
             tilt=tilt if moment.odometry_ns else none.tilt,
             bumped_at=self._since_zero(inputs.bumped_at),
             front_bumped_at=self._since_zero(inputs.front_bumped_at),
-            arrived={name: self._since_zero(at) for name, at in inputs.arrived.items()},
+            arrived={name: (ns - self.zero_ns) * 1e-9 for name, ns in self._came_ns.items()},
         )
         return (moment.stamp_ns - self.zero_ns) * 1e-9, inputs
 

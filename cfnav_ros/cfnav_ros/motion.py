@@ -1,8 +1,8 @@
 """One discrete motion, closed-loop on odometry: MoveAhead, RotateLeft, RotateRight.
 
-Pure: time is an argument. The robot keeps to the episode's eight headings: every motion steers for
-the grid heading, not for the heading it happened to start with, so that what one turn leaves over
-is carried into the next.
+Pure: time is an argument, and so is odometry that has not jumped (``track`` tells). The robot keeps
+to the episode's eight headings: every motion steers for the grid heading, not for the heading it
+happened to start with, so that what one turn leaves over is carried into the next.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+
+import numpy as np
 
 from cfnav_core.actions import STEP_M, TURN_RAD, Action
 from cfnav_ros.settings import setting
@@ -47,7 +49,6 @@ class Status(Enum):
     STALLED = "stalled"
     PUSHED = "pushed"
     TIMEOUT = "timeout"
-    ODOM_JUMP = "odometry jumped"
 
 
 @dataclass(frozen=True)
@@ -93,11 +94,7 @@ class MotionLimits:
 
 
 MAX_GAP_S = 0.3
-"""Updates further apart than this do not count against deadline and stall (inputs were lost)."""
-
-JUMP_M, JUMP_M_PER_S = 0.10, 0.46
-JUMP_RAD, JUMP_RAD_PER_S = math.radians(20.0), 1.9
-"""Odometry that moves more between two samples, beyond the base's top speed, was reset."""
+"""Updates further apart than this are a pause: the process stalled, and the base has stopped."""
 
 STALL_M = 0.02
 STALL_RAD = math.radians(2.0)
@@ -108,10 +105,11 @@ RETREAT = 1.5
 
 OFF_LINE_M, OFF_LINE_RAD = 0.06, math.radians(30.0)
 """Further from the line of a MoveAhead, or from the place of a turn, than the base can get by
-itself: it drifts millimetres, and starts at most 22.5 degrees off its grid heading."""
+itself: it drifts millimetres, and starts at most 10 degrees off its grid heading."""
 
 ALIGN_RAD = math.radians(10.0)
-"""A MoveAhead that starts further off its grid heading (after a push) turns in place first."""
+"""A MoveAhead that starts further off its grid heading (after a push) is only a turn to it: nobody
+has judged yet what lies ahead there."""
 
 
 def wrap(angle: float) -> float:
@@ -131,14 +129,6 @@ def grid_heading(yaw: float, origin: float, turns: int = 0) -> float:
         Radians in [-pi, pi).
     """
     return wrap(origin + (round(wrap(yaw - origin) / TURN_RAD) + turns) * TURN_RAD)
-
-
-def jumped(before: Odometry, after: Odometry) -> bool:
-    """Whether the pose moved further between two samples than a base can drive."""
-    dt = max(after.stamp - before.stamp, 0.0)
-    leap = math.hypot(after.x - before.x, after.y - before.y)
-    turn = abs(wrap(after.yaw - before.yaw))
-    return leap > JUMP_M + JUMP_M_PER_S * dt or turn > JUMP_RAD + JUMP_RAD_PER_S * dt
 
 
 def trapezoid(
@@ -178,7 +168,7 @@ class Motion:
             t: node time, seconds.
             odometry: where the robot stands now.
             origin: a heading of the episode's 45-degree set, odom frame, radians.
-            limits: speeds and tolerances.
+            limits: speeds and tolerances; may be replaced under way.
             step: length of MoveAhead, metres.
 
         Raises:
@@ -190,13 +180,21 @@ class Motion:
         self.reason = ""
         self._side = {Action.RotateLeft: 1, Action.RotateRight: -1}.get(action, 0)
         self._heading = grid_heading(odometry.yaw, origin, self._side)
-        self._start, self._last = odometry, odometry
-        self._limits, self._step = limits, step
+        error = wrap(self._heading - odometry.yaw)
+        if not self._side and abs(error) > ALIGN_RAD:
+            self._side = 1 if error > 0 else -1
+        self._start = odometry
+        self.limits, self._step = limits, step
         self._t, self._speed = t, 0.0
         self._deadline = t + (limits.turn_deadline if self._side else limits.move_deadline)
         self._mark = (t, self.remaining(odometry))
-        self._aligned = bool(self._side)
         self._status = Status.DRIVING
+        self._trace = [(odometry.stamp, self.remaining(odometry))]
+
+    @property
+    def advances(self) -> bool:
+        """Whether the base is to move on, not only to turn in place."""
+        return not self._side
 
     def remaining(self, odometry: Odometry) -> float:
         """Way to go: metres along the grid heading, or radians in the sense of the turn."""
@@ -205,21 +203,45 @@ class Motion:
         dx, dy = odometry.x - self._start.x, odometry.y - self._start.y
         return self._step - (dx * math.cos(self._heading) + dy * math.sin(self._heading))
 
+    def remaining_at(self, stamp: float, odometry: Odometry) -> float:
+        """Way that was left at a time (seconds) between the start and the newest odometry."""
+        trace = [*self._trace, (odometry.stamp, self.remaining(odometry))]
+        stamps, ways = zip(*trace, strict=True)
+        return float(np.interp(stamp, stamps, ways))
+
     def update(self, t: float, odometry: Odometry) -> tuple[Command, Status]:
         """Advance to time t (seconds) with the newest odometry; zero velocity once final."""
         if self._status is not Status.DRIVING:
             return STOP, self._status
         dt, self._t = t - self._t, t
-        remaining = self.remaining(odometry)
+        remaining = self._follow(odometry)
         if dt > MAX_GAP_S:
-            self._deadline += dt
-            self._mark = (t, remaining)
-            self._speed, dt = 0.0, 0.0
+            self._rest(dt, remaining)
+            dt = 0.0
         self._status = self._judge(t, odometry, remaining)
-        self._last = odometry
         if self._status is not Status.DRIVING:
             return STOP, self._status
         return self._drive(remaining, odometry, dt, self._lag(t, odometry)), self._status
+
+    def pause(self, t: float, odometry: Odometry) -> None:
+        """The base is told to stand at time t (seconds): it starts anew, nothing counts against it.
+
+        Going back meanwhile does: a base that was told to stand was pushed.
+        """
+        dt, self._t = t - self._t, t
+        self._rest(dt, self._follow(odometry))
+
+    def _follow(self, odometry: Odometry) -> float:
+        remaining = self.remaining(odometry)
+        if odometry.stamp > self._trace[-1][0]:
+            self._trace.append((odometry.stamp, remaining))
+        return remaining
+
+    def _rest(self, dt: float, remaining: float) -> None:
+        """Time that the base did not drive."""
+        self._deadline += dt
+        self._mark = (self._t, min(remaining, self._mark[1]))
+        self._speed = 0.0
 
     def bump(self) -> None:
         """The bumper was hit: a MoveAhead ends, a turn goes on (it may be the way out)."""
@@ -232,13 +254,10 @@ class Motion:
             self._status, self.reason = status, reason
 
     def _judge(self, t: float, odometry: Odometry, remaining: float) -> Status:
-        limits = self._limits
+        limits = self.limits
         tolerance = math.radians(limits.tolerance_deg) if self._side else limits.tolerance_m
         stall = STALL_RAD if self._side else STALL_M
         marked_t, marked = self._mark
-        if jumped(self._last, odometry):
-            self.reason = "Odometry jumped between two samples."
-            return Status.ODOM_JUMP
         # By the time a zero takes effect the robot has gone on.
         if remaining <= tolerance + self._speed * self._lag(t, odometry):
             return Status.SUCCEEDED
@@ -269,10 +288,10 @@ class Motion:
 
     def _lag(self, t: float, odometry: Odometry) -> float:
         """Seconds from the sample until a command sent now takes effect."""
-        return self._limits.latency + min(max(t - odometry.stamp, 0.0), MAX_GAP_S)
+        return self.limits.latency + min(max(t - odometry.stamp, 0.0), MAX_GAP_S)
 
     def _drive(self, remaining: float, odometry: Odometry, dt: float, lag: float) -> Command:
-        limits = self._limits
+        limits = self.limits
         if self._side:
             self._speed = trapezoid(
                 remaining, self._speed, dt, limits.w_max, limits.w_min, limits.a_ang, lag
@@ -280,10 +299,6 @@ class Motion:
             return Command(w=self._side * self._speed)
         error = wrap(self._heading - odometry.yaw)
         hold = max(-limits.hold_rate, min(limits.hold_rate, limits.heading_gain * error))
-        self._aligned = self._aligned or abs(error) <= ALIGN_RAD
-        if not self._aligned:
-            self._mark = (self._t, remaining)  # turning in place is no stall; the deadline counts
-            return Command(0.0, hold)
         self._speed = trapezoid(
             remaining, self._speed, dt, limits.v_max, limits.v_min, limits.a_lin, lag
         )

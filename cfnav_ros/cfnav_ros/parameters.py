@@ -47,7 +47,9 @@ class PolicyParameters:
     lock_step: bool = setting(False, "the simulator waits for an answer to each moment")
     goal: str = setting("", "category to look for at once; empty: none")
     tilt_joint: str = setting("camera_tilt", "in joint_states")
-    rate: float = setting(20.0, "velocities per second of node time", 4.0, 100.0)
+    rate: float = setting(
+        20.0, "velocities per second; a base stops after 0.5 s without", 4.0, 100.0
+    )
     clock_timeout: float = setting(
         2.0, "a node clock that stands this long ends an episode, real s", 0.5, 60.0
     )
@@ -66,45 +68,27 @@ class PolicyParameters:
             )
         if self.backend not in ("onnx", "torch"):
             raise ValueError(f"backend is {self.backend!r}, expected onnx or torch.")
-        if not 4.0 <= self.rate <= 100.0:
-            raise ValueError(f"rate is {self.rate}, expected 4 to 100 (a base stops after 0.5 s).")
 
 
 @dataclass(frozen=True)
 class LidarParameters:
     """Parameters of ``lidar_collision_node``."""
 
-    stale: float = field(
-        default=0.4,
-        metadata={"help": "age of a scan that is no sight, s", "min": 0.05, "max": 10.0},
+    stale: float = setting(0.4, "age, from its end, of a scan that is no sight, s", 0.05, 10.0)
+    stale_rate: float = setting(10.0, "BLIND per second while stale", 1.0, 100.0)
+    frozen: float = setting(
+        1.0,
+        "ranges that stay the same this long are no sight, s; 0: a noiseless simulator",
+        0.0,
+        3600.0,
     )
-    stale_rate: float = field(
-        default=10.0, metadata={"help": "BLIND per second while stale", "min": 1.0, "max": 100.0}
-    )
-    frozen: float = field(
-        default=1.0,
-        metadata={
-            "help": "ranges that stay the same this long are no sight, s; 0: a noiseless simulator",
-            "min": 0.0,
-            "max": 3600.0,
-        },
-    )
-    mount: str = field(
-        default="auto", metadata={"help": "mounting: auto (TF where it is there), tf or parameters"}
-    )
-    base_frame: str = field(default="base_link", metadata={"help": "frame of the robot in TF"})
-    frame: str = field(
-        default="rplidar_link", metadata={"help": "frame that scans must come from; empty: any"}
-    )
+    mount: str = setting("auto", "mounting: auto (TF where it is there), tf or parameters")
+    base_frame: str = setting("base_link", "frame of the robot in TF")
+    frame: str = setting("rplidar_link", "frame that scans must come from; empty: any")
     disc: SweptDisc = field(default_factory=SweptDisc)
     errors: ErrorModel = field(default_factory=ErrorModel)
 
     def __post_init__(self) -> None:
-        for name in ("stale", "stale_rate"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a positive number.")
-        if self.frozen < 0:
-            raise ValueError(f"frozen is {self.frozen}, expected 0 or more.")
         if self.mount not in SOURCES:
             raise ValueError(f"mount is {self.mount!r}, expected {', '.join(SOURCES)}.")
 

@@ -122,8 +122,10 @@ class PolicyNode(Node):
     # Goals
 
     def _adopt(self, settings: PolicyParameters) -> None:
-        """Take changed parameters for the next episode; what runs keeps those it began with."""
+        """Take changed parameters at once."""
         self._settings = settings
+        if self._episode is not None:
+            self._episode.adopt(settings.episode)
 
     def _begin(self, goal: Goal) -> None:
         limits = self._settings.episode
@@ -219,7 +221,7 @@ class PolicyNode(Node):
             self._check_time(self._episode)
 
     def _check_time(self, episode: Episode) -> bool:
-        """Stop the robot when node time stands still or leaps, which misleads every other watch.
+        """Stop the robot when node time stands or jumps, which misleads every other watch.
 
         Returns:
             Whether that ended the episode for good.

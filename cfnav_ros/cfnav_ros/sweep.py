@@ -6,11 +6,13 @@ Pure: numpy in, numbers out. The motion goes along +x of the frame that the poin
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from statistics import NormalDist
 
 import numpy as np
+
+from cfnav_ros.settings import setting
 
 HEADINGS = 15
 """Equally likely headings that stand for all: each moves the probability by at most 1/15."""
@@ -39,8 +41,8 @@ class ErrorModel:
       width that the arc covers where its beams leave the swept area.
     - ``unseen`` is the share of motions, free as far as the plane of the scanner shows, that meet
       something above or below it (table tops, open drawers). Where the plane shows something
-      within ``overhang`` beyond the motion's end it is ``unseen_near``: what stands on the floor
-      reaches out further up.
+      within ``overhang`` beyond the motion's end, or ``overhang_aside`` beside the hull, it is
+      ``unseen_near``: what stands on the floor reaches out further up.
 
     p = 1 - (1 - p_seen) (1 - p_hidden) (1 - unseen). The formula is ours, the paper gives none.
 
@@ -52,47 +54,18 @@ class ErrorModel:
     --seeds 0 19 --out out/training``, which also counts the shares ``unseen`` and ``unseen_near``.
     """
 
-    range_share: float = field(
-        default=0.005, metadata={"help": "error of a range, share of it", "min": 0.0, "max": 0.1}
-    )
-    range_floor: float = field(
-        default=0.0005, metadata={"help": "least error of a range, m", "min": 0.0, "max": 0.05}
-    )
-    bearing_deg: float = field(
-        default=0.29, metadata={"help": "error of a bearing, deg", "min": 0.0, "max": 10.0}
-    )
-    heading_deg: float = field(
-        default=0.5,
-        metadata={"help": "error of the motion's heading, deg", "min": 0.0, "max": 10.0},
-    )
-    end: float = field(
-        default=0.002, metadata={"help": "error of the motion's end, m", "min": 0.0, "max": 0.1}
-    )
-    end_bias: float = field(
-        default=-0.0025, metadata={"help": "mean way beyond the step, m", "min": -0.1, "max": 0.1}
-    )
-    scale: float = field(
-        default=0.01,
-        metadata={"help": "error of odometry, share of the way", "min": 0.0, "max": 0.2},
-    )
-    thinnest: float = field(
-        default=0.03, metadata={"help": "thinnest obstacle on a floor, m", "min": 0.0, "max": 0.3}
-    )
-    unseen: float = field(
-        default=0.007,
-        metadata={"help": "motions that meet what the plane cannot show", "min": 0.0, "max": 0.5},
-    )
-    unseen_near: float = field(
-        default=0.045,
-        metadata={"help": "the same beside what it shows", "min": 0.0, "max": 0.5},
-    )
-    overhang: float = field(
-        default=0.1, metadata={"help": "how far that reaches, m", "min": 0.0, "max": 1.0}
-    )
-
-    def __post_init__(self) -> None:
-        if not self.end > 0:
-            raise ValueError(f"errors.end is {self.end}, expected a positive number.")
+    range_share: float = setting(0.005, "error of a range, share of it", 0.0, 0.1)
+    range_floor: float = setting(0.0005, "least error of a range, m", 0.0, 0.05)
+    bearing_deg: float = setting(0.29, "error of a bearing, deg", 0.0, 10.0)
+    heading_deg: float = setting(0.5, "error of the motion's heading, deg", 0.0, 10.0)
+    end: float = setting(0.002, "error of the motion's end, m", 0.0001, 0.1)
+    end_bias: float = setting(-0.0025, "mean way beyond the step, m", -0.1, 0.1)
+    scale: float = setting(0.01, "error of odometry, share of the way", 0.0, 0.2)
+    thinnest: float = setting(0.03, "thinnest obstacle on a floor, m", 0.0, 0.3)
+    unseen: float = setting(0.007, "motions that meet what the plane cannot show", 0.0, 0.5)
+    unseen_near: float = setting(0.045, "the same beside what it shows", 0.0, 0.5)
+    overhang: float = setting(0.1, "how far that reaches, m", 0.0, 1.0)
+    overhang_aside: float = setting(0.01, "and to the sides, m", 0.0, 0.5)
 
     @cached_property
     def turns(self) -> np.ndarray:

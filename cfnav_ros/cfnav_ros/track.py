@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from cfnav_ros.disturbance import Slip
-from cfnav_ros.motion import Odometry, jumped, wrap
+from cfnav_ros.motion import Odometry, wrap
 
 STILL_V, STILL_W = 0.01, 0.03
 """A twist slower than this (m/s, rad/s) is standing."""
@@ -22,6 +22,10 @@ STILL_SAMPLES = 3
 MIN_DT_S = 0.02
 """Samples closer in time than this are compared as if they were this far apart, seconds."""
 
+JUMP_M, JUMP_M_PER_S = 0.10, 0.46
+JUMP_RAD, JUMP_RAD_PER_S = math.radians(20.0), 1.9
+"""Odometry that moves more between two samples, beyond the base's top speed, was reset."""
+
 BUMP_GAP_S = 0.5
 """Contacts closer in time than this are one bump."""
 
@@ -30,7 +34,7 @@ class Track:
     """Accumulates over one episode; feed it every new message, repeats do no harm."""
 
     def __init__(self, bumped_at: float = -math.inf) -> None:
-        """Start from nothing; the bump reported at ``bumped_at`` (seconds) is an old one."""
+        """Start from nothing; the report of a bump that came at ``bumped_at``, seconds, is old."""
         self.path_length = 0.0
         self.bumps = 0
         self.slip = Slip()
@@ -58,17 +62,25 @@ class Track:
             self._still_samples += 1
         if before is None:
             return True
-        if jumped(before, sample):
+        if _jumped(before, sample):
             return False
         self.path_length += math.hypot(sample.x - before.x, sample.y - before.y)
         return True
 
-    def bump(self, stamp: float) -> bool:
-        """Take the stamp of the newest bump report, seconds; True when it is a new contact."""
-        before, self._bumped_at = self._bumped_at, stamp
-        new = abs(stamp - before) > BUMP_GAP_S  # back, too, should one stamp have been ahead
+    def bump(self, came: float) -> bool:
+        """Take when the newest report of a bump came, seconds; True when it is a new contact."""
+        before, self._bumped_at = self._bumped_at, came
+        new = came - before > BUMP_GAP_S
         self.bumps += new
         return new
+
+
+def _jumped(before: Odometry, after: Odometry) -> bool:
+    """Whether the pose moved further between two samples than a base can drive."""
+    dt = max(after.stamp - before.stamp, 0.0)
+    leap = math.hypot(after.x - before.x, after.y - before.y)
+    turn = abs(wrap(after.yaw - before.yaw))
+    return leap > JUMP_M + JUMP_M_PER_S * dt or turn > JUMP_RAD + JUMP_RAD_PER_S * dt
 
 
 def _drifts(before: Odometry | None, sample: Odometry) -> bool:

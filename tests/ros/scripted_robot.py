@@ -61,12 +61,14 @@ class Robot:
     def __init__(self):
         self.t = 100.0
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
-        self.estimate, self.base, self.bumped_at = FREE, READY, NEVER
-        self.front_bumped_at = NEVER
+        self.estimate, self.base = FREE, READY
+        self.bumped, self.front_bumped = NEVER, NEVER  # when the newest report of it came
+        self.bump_stamp = NEVER
         self.stuck, self.tilt_stuck, self.slips = False, False, False
         self.odometry = lambda t: Odometry(t, self.x, self.y, self.yaw, self.v, self.w)
         self.fields = {}  # inputs that are other than they should be
         self.frozen = set()  # inputs that no longer arrive
+        self.lead = 0.0  # by which the stamps of camera and LiDAR are ahead
         self.inputs = None
         self.commands, self.tilts, self.records = [], [], []
 
@@ -79,15 +81,27 @@ class Robot:
             estimate=StampedEstimate(ns, self.estimate),
             odometry=self.odometry(self.t),
             tilt=Tilt(self.t, self.tilt),
-            bumped_at=self.bumped_at,
-            front_bumped_at=self.front_bumped_at,
+            bumped_at=self.bump_stamp,
+            front_bumped_at=self.bump_stamp,
+            arrived={"bumped_at": self.bumped, "front_bumped_at": self.front_bumped},
         )
         new = dataclasses.replace(new, **self.fields)
+        if self.lead:
+            new = self._stamped_ahead(new)
         if self.inputs:
             kept = {name: getattr(self.inputs, name) for name in self.frozen}
             new = dataclasses.replace(new, **kept)
         self.inputs = new
         return new
+
+    def _stamped_ahead(self, new):
+        ns, came = round((self.t + self.lead) * 1e9), {"frame": self.t, "estimate": self.t}
+        return dataclasses.replace(
+            new,
+            frame=dataclasses.replace(new.frame, stamp_ns=ns),
+            estimate=dataclasses.replace(new.estimate, stamp_ns=ns),
+            arrived={**new.arrived, **came},
+        )
 
     def tick(self, episode):
         output = episode.update(self.t, self.sense())

@@ -40,8 +40,12 @@ def test_time_that_moves_again_starts_anew(watch):
     assert watch.look(103.3, RUNNING_NS + 1) is Alarm.STOP
 
 
-def test_time_that_jumps_back_runs(watch):
-    assert watch.look(103.0, RUNNING_NS - 1) is Alarm.NONE
+@pytest.mark.parametrize("back", [1, 10_000_000_000])
+def test_time_that_jumps_back_fails_an_episode(watch, back):
+    """Timers of a system clock that was set back stay silent: nothing else notices."""
+    assert watch.look(100.1, RUNNING_NS - back) is Alarm.FAIL
+    assert watch.reason == "Node time jumped back."
+    assert watch.look(100.2, RUNNING_NS - back + 1) is Alarm.NONE
 
 
 def test_time_that_has_not_begun_is_waited_for_longer():

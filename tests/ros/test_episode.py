@@ -4,9 +4,10 @@ import dataclasses
 import math
 
 import pytest
-from cfnav_ros.inputs import Inputs, Tilt
+from cfnav_ros.inputs import Inputs, StampedEstimate, Tilt
 from cfnav_ros.lidar import Estimate, Verdict
-from cfnav_ros.motion import STOP
+from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.motion import STOP, MotionLimits
 
 from cfnav_core.actions import HORIZONS_RAD, Action
 
@@ -30,15 +31,18 @@ def test_an_episode_from_goal_to_done():
     assert robot.commands[-1][1] == STOP
 
 
-def test_decisions_are_made_on_pictures_taken_after_the_robot_stood():
+@pytest.mark.parametrize("lead", [0.0, 0.4])
+def test_decisions_are_made_on_pictures_taken_after_the_robot_stood(lead):
+    """Whatever their stamps say."""
     robot = Robot()
+    robot.lead = lead
     episode, _ = episode_of(*[Action.MoveAhead, Action.RotateRight] * 4, Action.Done)
     robot.run(episode)
     moving = [t for t, command in robot.commands if command != STOP]
     for t, record in robot.records:
         last = max((m for m in moving if m < t), default=0.0)
-        assert record.image_stamp_ns * 1e-9 >= last + DT + 0.15
-        assert record.estimate_stamp_ns * 1e-9 >= last
+        assert record.image_stamp_ns * 1e-9 - lead >= last + DT + 0.15
+        assert record.estimate_stamp_ns * 1e-9 - lead >= last
     stamps = [record.image_stamp_ns for _, record in robot.records]
     assert len(set(stamps)) == len(stamps)
 
@@ -97,6 +101,23 @@ def test_without_veto_the_policy_is_obeyed():
     assert policy.seen == [0.97] * 2
 
 
+def test_live_limits_hold_at_once_and_others_from_the_next_episode_on():
+    robot = Robot()
+    episode, policy = episode_of(*[Action.MoveAhead] * 3, Action.Done, max_steps=4)
+    robot.run(episode, until=driving)
+    slow = MotionLimits(v_max=0.1, w_max=0.5, a_lin=0.1)
+    episode.adopt(EpisodeLimits(veto=False, max_steps=2, motion=slow))
+    assert robot.tick(episode).command.v == pytest.approx(0.1)
+    robot.estimate = BLOCKED
+    robot.run(episode)
+    assert (episode.outcome, episode.steps, episode.vetoes) == ("done", 4, 0)
+    assert policy.seen == [0.01, 0.97, 0.97, 0.97]
+    begun = next(t for t, _ in robot.records if t > 104)
+    speeds = [command.v for t, command in robot.commands if t > begun]
+    assert max(speeds) == pytest.approx(0.1)
+    assert any(speed == pytest.approx(0.05 + 0.5 * DT) for speed in speeds)  # a_lin is not live
+
+
 def test_without_lidar_the_policy_is_given_no_probability():
     robot = Robot()
     robot.sense()
@@ -119,14 +140,34 @@ def test_a_way_that_closes_stops_the_move():
     assert robot.x - before < 0.03
 
 
-def test_clearance_that_shrinks_with_the_way_does_not_stop_it():
+@pytest.mark.parametrize("age", [0, 2, 4])
+@pytest.mark.parametrize(("spare", "arrives"), [(-0.01, True), (-0.03, False)])
+def test_clearance_that_shrinks_with_the_way_does_not_stop_it_one_too_short_does(
+    age, spare, arrives
+):
+    """Scans are ``age`` periods old: the way that was left at their stamps counts."""
     robot = Robot()
     episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    stamped = []
     while not episode.ended:
-        room = 0.28 - robot.x
-        robot.estimate = Estimate(0.4, room, Verdict.GOOD, "", 1.0)
+        stamped.append((robot.t, 0.25 + spare - robot.x))
+        t, room = stamped[-1 - min(age, len(stamped) - 1)]
+        seen = Estimate(0.4, room, Verdict.GOOD, "", 1.0)
+        robot.fields = {"estimate": StampedEstimate(round(t * 1e9), seen)}
         robot.tick(episode)
-    assert robot.x == pytest.approx(0.25, abs=0.01)
+    if arrives:
+        assert robot.x == pytest.approx(0.25, abs=0.01)
+    else:
+        assert robot.x < 0.1
+
+
+def test_what_steps_close_while_driving_is_stopped_for_at_once():
+    robot = Robot()
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode, until=driving)
+    left = 0.25 - robot.x
+    robot.estimate = Estimate(0.97, left - 0.03, Verdict.GOOD, "", 1.0)
+    assert robot.tick(episode).command == STOP
 
 
 def test_step_and_time_limits():
@@ -163,7 +204,7 @@ def test_a_bump_ends_the_move_is_counted_once_and_the_episode_goes_on():
     robot.run(episode, until=driving)
     x = robot.x
     while not episode.ended:
-        robot.bumped_at = robot.t  # pressed from now on
+        robot.bumped = robot.t  # pressed from now on
         robot.tick(episode)
     assert (episode.outcome, episode.track.bumps) == ("done", 1)
     assert robot.x - x < 0.02
@@ -172,7 +213,7 @@ def test_a_bump_ends_the_move_is_counted_once_and_the_episode_goes_on():
 
 def test_a_bump_before_the_episode_is_not_counted():
     robot = Robot()
-    robot.bumped_at = 99.0
+    robot.bumped = 99.0
     episode, _ = episode_of(Action.RotateLeft, Action.Done)
     robot.run(episode)
     assert episode.track.bumps == 0

@@ -11,7 +11,7 @@ from cfnav_ros.preflight import UNSTAMPED, BaseCheck
 
 from cfnav_core.actions import Action
 
-from .scripted_robot import BLOCKED, DT, Robot, driving, episode_of, run_now
+from .scripted_robot import BLIND, BLOCKED, DT, FREE, Robot, driving, episode_of, run_now
 
 
 def observing(episode):
@@ -73,6 +73,36 @@ def test_a_move_decided_before_a_push_is_not_executed():
     robot.run(episode)
     assert episode.outcome == "done"
     assert (robot.x, robot.y) == before
+
+
+@pytest.mark.parametrize("estimate", [BLOCKED, BLIND])
+@pytest.mark.parametrize("veto", [True, False])
+def test_who_steps_in_while_the_policy_thinks_is_heeded(estimate, veto):
+    robot, slow = Robot(), Slow()
+    episode, policy = episode_of(Action.MoveAhead, Action.Done, submit=slow, veto=veto)
+    robot.run(episode, until=lambda e: e.phase is Phase.THINK)
+    for tick in range(60):
+        robot.tick(episode)
+        robot.estimate = estimate if tick > 20 else robot.estimate
+    slow.waiting.clear()
+    robot.run(episode, until=lambda e: e.steps == 1)
+    assert policy.seen == [0.01]
+    assert (episode.vetoes, robot.records[0][1].vetoed) == (int(veto), veto)
+    assert (episode.phase is Phase.MOVE) is not veto
+
+
+def test_a_move_off_its_heading_turns_looks_again_and_heeds_what_lies_there():
+    robot = Robot()
+    episode, policy = episode_of(Action.MoveAhead, Action.MoveAhead, Action.Done)
+    robot.run(episode, until=observing)
+    push(robot, episode, y=0.0, yaw=math.radians(20))
+    while not episode.ended:
+        robot.tick(episode)
+        robot.estimate = BLOCKED if abs(robot.yaw) < math.radians(2) else FREE
+    assert (episode.outcome, episode.vetoes) == ("done", 1)
+    assert policy.seen == [0.01, 0.97, 0.97]
+    assert (robot.x, robot.y) == (0.0, 0.0)
+    assert robot.yaw == pytest.approx(0.0, abs=math.radians(1))
 
 
 def test_done_decided_before_a_push_means_looking_again():
@@ -140,7 +170,7 @@ def test_the_reflex_after_a_bump_is_no_push():
     robot = Robot()
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.Done)
     robot.run(episode, until=driving)
-    robot.bumped_at = robot.t
+    robot.bumped = robot.t
     robot.tick(episode)
     for _ in range(4):
         robot.tick(episode)  # it rests, then its reflex backs off
@@ -150,10 +180,12 @@ def test_the_reflex_after_a_bump_is_no_push():
 
 
 def test_a_pressed_bumper_forbids_driving_ahead_but_no_turn():
+    """Also one whose reports all have the same stamp."""
     robot = Robot()
+    robot.bump_stamp = 0.0
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.MoveAhead, Action.Done)
     while not episode.ended:
-        robot.bumped_at = robot.front_bumped_at = robot.t
+        robot.bumped = robot.front_bumped = robot.t
         robot.tick(episode)
     assert (episode.outcome, robot.x, robot.y) == ("done", 0.0, 0.0)
     assert math.degrees(robot.yaw) == pytest.approx(45, abs=1)
@@ -164,7 +196,7 @@ def test_one_bump_stamped_by_another_clock_blocks_only_while_it_is_new(skew):
     robot = Robot()
     episode, _ = episode_of(*[Action.MoveAhead] * 4, Action.Done)
     robot.run(episode, until=driving)
-    robot.bumped_at = robot.front_bumped_at = robot.t + skew
+    robot.bumped, robot.front_bumped, robot.bump_stamp = robot.t, robot.t, robot.t + skew
     robot.tick(episode)
     assert robot.commands[-1][1] == STOP
     x = robot.x
@@ -174,11 +206,19 @@ def test_one_bump_stamped_by_another_clock_blocks_only_while_it_is_new(skew):
     assert robot.x - x == pytest.approx(0.5, abs=0.03)
 
 
+def test_a_bumper_pressed_before_the_episode_is_old_until_it_is_reported_again():
+    robot = Robot()
+    robot.bumped = robot.front_bumped = robot.t
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode)
+    assert (episode.track.bumps, robot.x) == (0, pytest.approx(0.25, abs=0.01))
+
+
 def test_a_push_long_after_a_bump_stamped_ahead_is_a_push():
     robot = Robot()
     episode, _ = episode_of(*[Action.RotateLeft] * 3, Action.Done)
     robot.run(episode, until=observing)
-    robot.bumped_at = robot.t + 60.0
+    robot.bumped, robot.bump_stamp = robot.t, robot.t + 60.0
     robot.run(episode, until=lambda e: e.steps == 2)
     robot.run(episode, until=observing)
     assert robot.t - 100.0 > 2.5

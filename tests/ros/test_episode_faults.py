@@ -1,11 +1,12 @@
 """Episodes in which something is missing, wrong or lost: waited for, refused or aborted."""
 
 import dataclasses
+import math
 from concurrent.futures import Future
 
 import pytest
 from cfnav_ros.episode import Phase
-from cfnav_ros.inputs import Frame, Inputs
+from cfnav_ros.inputs import Frame, Inputs, PictureCheck
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import STOP
 from cfnav_ros.preflight import BaseCheck
@@ -142,6 +143,18 @@ def test_an_input_that_comes_back_resumes_the_motion():
     assert robot.x == pytest.approx(0.25, abs=0.01)
 
 
+def test_an_input_that_is_late_for_one_tick_does_not_make_the_robot_jerk():
+    robot = Robot()
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode, until=lambda e: robot.v == pytest.approx(0.2))
+    robot.fields = {"picture": PictureCheck(waiting="The camera is frozen.")}
+    assert robot.tick(episode).command == STOP
+    robot.fields = {}
+    speeds = [robot.tick(episode).command.v for _ in range(3)]
+    assert speeds == pytest.approx([0.05, 0.075, 0.1])
+    assert robot.run(episode).outcome == "done"
+
+
 def test_a_blind_lidar_forbids_moving_and_then_ends_the_episode():
     robot = Robot()
     episode, policy = episode_of(*[Action.MoveAhead] * 99)
@@ -192,11 +205,13 @@ def test_a_camera_that_does_not_tilt_ends_the_episode():
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_an_odometry_reset_aborts(moved):
+@pytest.mark.parametrize(("x", "yaw"), [(1.0, 0.0), (0.0, math.pi / 2)])
+def test_an_odometry_reset_aborts(moved, x, yaw):
     robot = Robot()
     episode, _ = episode_of(*[Action.MoveAhead] * 9)
     robot.run(episode, until=driving if moved else lambda e: e.phase is Phase.OBSERVE)
-    robot.x += 1.0
+    robot.x, robot.yaw = robot.x + x, robot.yaw + yaw
+    assert robot.tick(episode).command == STOP
     robot.run(episode)
     assert episode.outcome == "aborted"
     assert "Odometry jumped" in episode.message

@@ -11,8 +11,8 @@ T = 1000.0
 NAMES = ("frame", "odometry", "estimate", "tilt")
 
 
-def inputs(notes=None, arrived=T, **ages):
-    """Inputs that all arrived just now, stamped ``ages`` seconds ago."""
+def inputs(notes=None, arrived=None, **ages):
+    """Inputs stamped ``ages`` seconds ago; those not in ``arrived`` arrived just now."""
     stamp = {name: T - ages.get(name, 0.0) for name in NAMES}
     return Inputs(
         frame=Frame(round(stamp["frame"] * 1e9)),
@@ -21,7 +21,7 @@ def inputs(notes=None, arrived=T, **ages):
             round(stamp["estimate"] * 1e9), Estimate(0.0, 2.0, Verdict.GOOD, "", 1.0)
         ),
         tilt=Tilt(stamp["tilt"], 0.0),
-        arrived=dict.fromkeys(NAMES, arrived),
+        arrived=dict.fromkeys(NAMES, T) | (arrived or {}),
         notes=notes or {},
     )
 
@@ -51,7 +51,7 @@ def test_what_is_not_needed_may_be_missing():
     ],
 )
 def test_silent_late_and_future_inputs_are_told_apart(name, word, limit):
-    silent = judge(inputs(**{name: 3.0}, arrived=T - 3.0))
+    silent = judge(inputs(**{name: 3.0}, arrived={name: T - 3.0}))
     assert silent == f"The newest {word} is 3.00 s old (limit {limit} s)."
     late = judge(inputs(**{name: 3.0}))
     assert late == (
@@ -61,6 +61,15 @@ def test_silent_late_and_future_inputs_are_told_apart(name, word, limit):
     assert judge(inputs(**{name: -5.0})) == f"The {word} is stamped 5.0 s in the future."
     zero = judge(inputs(**{name: T}))
     assert zero == f"The {word} arrives without a time, stamped 0: set it in its driver."
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_stamp_ahead_does_not_keep_an_input_young(name):
+    limit = getattr(AgeLimits(), name)
+    lead = {name: -0.4}
+    assert judge(inputs(arrived={name: T - limit + 0.01}, **lead)) == ""
+    silent = judge(inputs(arrived={name: T - limit - 0.01}, **lead))
+    assert silent.endswith(f"is {limit + 0.01:.2f} s old (limit {limit:g} s).")
 
 
 @pytest.mark.parametrize(("offset", "side"), [(12.3, "behind"), (-12.3, "ahead")])
@@ -85,7 +94,7 @@ def test_one_late_input_among_others_is_no_other_clock():
 
 def test_a_note_says_why():
     notes = {"odometry": "Odometry holds a value that is not finite"}
-    assert judge(inputs(notes, odometry=3.0, arrived=T - 3.0)) == (
+    assert judge(inputs(notes, odometry=3.0, arrived={"odometry": T - 3.0})) == (
         "The newest odometry is 3.00 s old (limit 0.25 s) (Odometry holds a value that is not "
         "finite)."
     )

@@ -114,7 +114,10 @@ def test_an_episode_does_not_depend_on_when_it_begins():
         for tick in range(30):
             ns = round((begun + 0.05 * tick) * 1e9)
             robot.t = ns * 1e-9
-            given = dataclasses.replace(robot.sense(), bumped_at=robot.t, arrived={"tilt": robot.t})
+            came = robot.t - 0.01 * (len(seen) + tick) % 0.05  # the node's clock is not in step
+            given = dataclasses.replace(
+                robot.sense(), bumped_at=robot.t, arrived={"tilt": came, "bumped_at": came}
+            )
             step.begin(Moment(ns, ns, ns, ns))
             t, now = step.present(given)
             ticks.append((t, now.frame.stamp_ns, now.estimate, now.odometry, now.tilt, now.arrived))
@@ -122,3 +125,14 @@ def test_an_episode_does_not_depend_on_when_it_begins():
             step.answer(0.0)
         seen.append(ticks)
     assert seen[0] == seen[1] == seen[2]
+
+
+def test_a_message_came_at_the_moment_at_which_it_is_first_presented(step):
+    given = dataclasses.replace(inputs(), bumped_at=5.0, arrived={"bumped_at": 5.0})
+    t, first = step.present(given)
+    assert first.arrived["bumped_at"] == t
+    step.begin(dataclasses.replace(MOMENT, stamp_ns=NS + 50_000_010))
+    later, second = step.present(given)
+    assert second.arrived["bumped_at"] == t < later
+    again = dataclasses.replace(given, bumped_at=float("5.0"))  # another report, stamped the same
+    assert step.present(again)[1].arrived["bumped_at"] == later

@@ -100,6 +100,18 @@ def test_message_fault_is_felt_and_mended(robot, fault):
     assert np.isfinite(newer(robot, "scan", 3)[-1].ranges).any()
 
 
+@pytest.mark.parametrize(
+    ("name", "topic"), [("hazards_silent", "hazard_detection"), ("wheels_silent", "wheel_status")]
+)
+def test_silent_report_is_not_heard_and_comes_back(robot, fault, name, topic):
+    fault(name)
+    began = seconds(robot.faults[-1].header.stamp)
+    robot.wait_for(0.5)
+    assert not [m for m in robot.heard[topic] if seconds(m.header.stamp) > began]
+    mend_all(robot)
+    newer(robot, topic)
+
+
 def test_fault_waits_for_the_turn_and_mends_itself(robot):
     heard = len(robot.faults)
     assert robot.call(SetFault, fault="odom_silent", active=True, when="turning", duration=0.5).ok

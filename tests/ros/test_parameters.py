@@ -155,7 +155,7 @@ def test_defaults_lie_within_their_ranges_and_every_field_has_help(read, kind):
 def test_bad_choices_are_refused():
     with pytest.raises(ValueError, match="cmd_vel_type is 'both'"):
         PolicyParameters(cmd_vel_type="both")
-    with pytest.raises(ValueError, match=r"rate is 1\.0"):
-        PolicyParameters(rate=1.0)
-    with pytest.raises(ValueError, match="stale is 0"):
-        LidarParameters(stale=0)
+    with pytest.raises(ValueError, match="backend is 'tf'"):
+        PolicyParameters(backend="tf")
+    with pytest.raises(ValueError, match="mount is 'both', expected auto, tf, parameters"):
+        LidarParameters(mount="both")

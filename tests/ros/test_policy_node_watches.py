@@ -1,8 +1,10 @@
 """The policy node as a process, on inputs and bases that must not be trusted."""
 
 import time
+from unittest.mock import Mock
 
 import pytest
+from cfnav_ros.motion import STOP
 
 pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
@@ -149,6 +151,44 @@ def test_a_clock_that_leaps_ahead_stops_the_robot(graph, make_bundle):
     robot.wait_driving()
     robot.clock -= 10_000_000_000
     assert stops(robot, future) == "Node time jumped back."
+
+
+def test_a_system_clock_set_back_rouses_the_timer_that_stops_the_robot():
+    """That timer would be silent until the old time is reached; the guard's runs on another."""
+    from cfnav_ros.clock_watch import ClockWatch
+    from cfnav_ros.policy_node import PolicyNode
+
+    node, episode = Mock(_clock_watch=ClockWatch(2.0, 10.0)), Mock()
+    node._clock_watch.restart(time.monotonic())
+    now = node.get_clock.return_value.now
+    for now.return_value.nanoseconds in (50_000_000_000, 50_100_000_000):
+        assert not PolicyNode._check_time(node, episode)
+    assert not node._timer.reset.called
+    now.return_value.nanoseconds = 40_000_000_000
+    assert not PolicyNode._check_time(node, episode)
+    node._velocity.send.assert_called_once_with(STOP)
+    episode.fail.assert_called_once_with("Node time jumped back.")
+    node._timer.reset.assert_called_once_with()
+
+
+def test_a_live_parameter_takes_hold_in_the_drive_under_way(graph, make_bundle):
+    from rclpy.parameter import Parameter
+    from rclpy.parameter_client import AsyncParameterClient
+
+    robot, _, _ = graph(make_bundle("MoveAhead"))
+    client = AsyncParameterClient(robot.node, "policy_node")
+    future = robot.send()[1]
+    robot.wait_driving()
+    changed = client.set_parameters([Parameter("episode.motion.v_max", value=0.08)])
+    robot.wait(changed.done, "the parameter to be set")
+    assert changed.result().results[0].successful
+    begun = robot.decisions[-1].step
+    robot.wait(lambda: robot.decisions[-1].step > begun + 1, "the next motion to end")
+    since = next(k for k, c in enumerate(robot.commands) if c[1] > 0.1)
+    slow = next(k for k, c in enumerate(robot.commands) if k > since and c[1] <= 0.08)
+    fastest = max(v for _, v, _ in robot.commands[slow:])
+    assert fastest == pytest.approx(0.08)
+    assert not future.done()
 
 
 def test_goals_by_topic_and_parameter(graph, make_bundle):
