@@ -64,8 +64,10 @@ class LidarCollisionNode(Node):
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(LaserScan, "scan", self._on_scan, qos_profile_sensor_data)
-        self.create_subscription(TFMessage, "tf_static", self._on_transforms, LATCHED)
-        self._tf = self.create_subscription(TFMessage, "tf", self._on_transforms, 100)
+        self._tf = None
+        if parameters.mount != "parameters":
+            self.create_subscription(TFMessage, "tf_static", self._on_transforms, LATCHED)
+            self._tf = self.create_subscription(TFMessage, "tf", self._on_transforms, 100)
         self.create_timer(1.0 / parameters.stale_rate, self._on_silence)
         # On real time: node time may stand still, and who publishes has nothing to do with it.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -75,6 +77,11 @@ class LidarCollisionNode(Node):
             f"Judging {self.resolve_topic_name('scan')} -> {self._publisher.topic_name}; the "
             f"parameters put the LiDAR at {told(disc.mount)}."
         )
+        if not disc.mask_bearings:
+            self.get_logger().warning(
+                "disc.mask_bearings_deg is empty: without parts of the robot to look for, a LiDAR "
+                "that is mounted otherwise than said goes unnoticed."
+            )
 
     def _on_scan(self, message: LaserScan) -> None:
         begun = time.perf_counter()

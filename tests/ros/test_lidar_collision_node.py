@@ -121,6 +121,16 @@ def start(domain, folder, *parameters):
         return subprocess.Popen(command, env=env, stdout=log, stderr=log)
 
 
+def end(process):
+    """Ends the node so that the graph hears of it: one that is killed haunts its domain a while."""
+    process.terminate()
+    try:
+        process.wait(DEADLINE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
 @pytest.fixture
 def graph(tmp_path, ros_domain_id):
     process, lidar = start(ros_domain_id, tmp_path), Lidar(ros_domain_id)
@@ -128,9 +138,7 @@ def graph(tmp_path, ros_domain_id):
         lidar.wait(lambda: lidar.heard and lidar.scans.get_subscription_count(), "the node")
         yield lidar, process, tmp_path / "log"
     finally:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
+        end(process)
         lidar.close()
 
 
@@ -230,6 +238,7 @@ def test_a_repeated_stamp_is_told_at_once_and_stamped_now(graph):
 
 def test_the_mounting_comes_from_tf_as_soon_as_it_says(graph):
     lidar, _, log = graph
+    assert "mask_bearings_deg is empty" not in log.read_text()
     assert lidar.ask(room_scan(0.5)).clearance == pytest.approx(0.5 - 0.185, abs=0.01)
     lidar.wait(lambda: "comes from parameters" in log.read_text(), "the first source in the log")
     lidar.transform(0.0)  # so the wall stands to the right
@@ -258,6 +267,21 @@ def test_diagnostics_each_second(graph):
     assert values["mount"] == "parameters"
 
 
+def test_a_mounting_by_parameters_needs_no_tf_and_an_empty_mask_is_warned_of(
+    tmp_path, ros_domain_id
+):
+    process = start(ros_domain_id, tmp_path, "mount:=parameters", "disc.mask_bearings_deg:=''")
+    lidar = Lidar(ros_domain_id)
+    try:
+        lidar.wait(lambda: lidar.heard and lidar.told, "the node, a second after its start")
+        lidar.wait(lambda: lidar.transforms.get_subscription_count() == 0, "nobody on tf_static")
+        lidar.wait(lambda: lidar.node.count_subscribers("tf") == 0, "nobody on tf")
+        assert (tmp_path / "log").read_text().count("disc.mask_bearings_deg is empty") == 1
+    finally:
+        end(process)
+        lidar.close()
+
+
 def test_given_parameters_that_tf_contradicts(tmp_path, ros_domain_id):
     process = start(ros_domain_id, tmp_path, "disc.mount_yaw_deg:=0.0")
     lidar = Lidar(ros_domain_id)
@@ -266,6 +290,5 @@ def test_given_parameters_that_tf_contradicts(tmp_path, ros_domain_id):
         lidar.transform(math.pi / 2)
         blind(lidar, "TF puts the LiDAR at")
     finally:
-        process.kill()
-        process.wait()
+        end(process)
         lidar.close()
