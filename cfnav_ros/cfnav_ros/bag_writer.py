@@ -45,8 +45,8 @@ def typestore_with(packages: Iterable[Path]) -> Typestore:
 class BagWriter:
     """Writes one bag under a temporary name and renames it when it is closed.
 
-    A bag at ``path`` is therefore always a whole one; a crash leaves ``path`` + ``.partial``,
-    which the next writer of the same path removes.
+    A bag at ``path`` is therefore always a whole one. A crash or a full disk leaves what was
+    written as ``path`` + ``.partial``, which nobody but its owner removes.
     """
 
     def __init__(self, path: Path, typestore: Typestore) -> None:
@@ -57,19 +57,24 @@ class BagWriter:
             typestore: holds every type that will be written.
 
         Raises:
-            FileExistsError: ``path`` exists.
+            FileExistsError: ``path`` exists, or what another recording left of it.
         """
         if path.exists():
             raise FileExistsError(f"{path} exists already; remove it or choose another name")
+        self.partial = path.with_name(path.name + ".partial")
+        """Where the bag is until it is closed."""
+        if self.partial.exists():
+            raise FileExistsError(
+                f"{self.partial} exists already: a recording runs or broke off; keep what it "
+                "holds, then remove it or choose another name"
+            )
         self.path = path
         self.counts: Counter[str] = Counter()
         self._typestore = typestore
-        self._partial = path.with_name(path.name + ".partial")
-        shutil.rmtree(self._partial, ignore_errors=True)
-        self._partial.mkdir(parents=True)
+        self.partial.mkdir(parents=True)
         # rosbags names the file after its folder, so the folder has its final name from the start.
         self._writer = Writer(
-            self._partial / path.name,
+            self.partial / path.name,
             version=Writer.VERSION_LATEST,
             storage_plugin=StoragePlugin.MCAP,
         )
@@ -92,18 +97,22 @@ class BagWriter:
         """Finish the bag and give it its name.
 
         Raises:
-            OSError: it could not be written; nothing is left of it.
+            OSError: it could not be written; what was is left as ``partial``.
         """
         try:
             self._writer.close()
         except OSError:
-            self.abort()
+            self.leave()
             raise
-        (self._partial / self.path.name).rename(self.path)
-        self._partial.rmdir()
+        (self.partial / self.path.name).rename(self.path)
+        self.partial.rmdir()
+
+    def leave(self) -> None:
+        """Give the recording up, but leave what was written."""
+        with suppress(OSError):
+            self._writer.abort()
 
     def abort(self) -> None:
         """Give the recording up and leave nothing behind."""
-        with suppress(OSError):
-            self._writer.abort()
-        shutil.rmtree(self._partial, ignore_errors=True)
+        self.leave()
+        shutil.rmtree(self.partial, ignore_errors=True)

@@ -135,10 +135,12 @@ def scan_from_message(message: LaserScan) -> Scan:
     )
 
 
-def estimate_to_message(estimate: Estimate, stamp: Time) -> CollisionEstimate:
-    """The estimate made from the scan with this stamp."""
+def estimate_to_message(
+    estimate: Estimate, stamp: Time, frame: str = "base_link"
+) -> CollisionEstimate:
+    """The estimate made from the scan with this stamp, ahead of the robot with this frame."""
     return CollisionEstimate(
-        header=Header(stamp=stamp, frame_id="base_link"),
+        header=Header(stamp=stamp, frame_id=frame),
         probability=estimate.probability,
         clearance=estimate.clearance,
         verdict=int(estimate.verdict),
@@ -281,7 +283,9 @@ def diagnostics(reports: Iterable[Report], node: str, now: Time) -> DiagnosticAr
     return DiagnosticArray(header=Header(stamp=now), status=rows)
 
 
-def decision(record: StepRecord, goal: str, now: Time, zero_ns: int = 0) -> PolicyDecision:
+def decision(
+    record: StepRecord, goal: str, now: Time, zero_ns: int = 0, frame: str = "base_link"
+) -> PolicyDecision:
     """A decision as it is published before it is executed.
 
     Args:
@@ -289,10 +293,11 @@ def decision(record: StepRecord, goal: str, now: Time, zero_ns: int = 0) -> Poli
         goal: what is looked for.
         now: stamp of the message.
         zero_ns: node time from which the record's stamps count, nanoseconds.
+        frame: of the robot.
     """
     made = record.decision
     return PolicyDecision(
-        header=Header(stamp=now, frame_id="base_link"),
+        header=Header(stamp=now, frame_id=frame),
         goal=goal,
         step=record.step,
         image_stamp=ns_to_stamp(record.image_stamp_ns + zero_ns),
@@ -331,6 +336,18 @@ def status(episode: Episode, phase: int, bundle: str, now: Time) -> EpisodeStatu
         path_length=episode.track.path_length,
         vetoes=episode.vetoes,
         bumps=episode.track.bumps,
+    )
+
+
+def unserved(goal: str, given_up: NavigateToObject.Result, bundle: str, now: Time) -> EpisodeStatus:
+    """The end of a goal that never began."""
+    return EpisodeStatus(
+        header=Header(stamp=now, frame_id="base_link"),
+        phase=EpisodeStatus.ENDED,
+        goal=goal,
+        bundle=bundle,
+        outcome=given_up.outcome,
+        message=given_up.message,
     )
 
 

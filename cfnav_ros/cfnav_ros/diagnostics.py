@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -32,6 +32,10 @@ class Level(IntEnum):
     OK = 0
     WARN = 1
     ERROR = 2
+
+
+STATUSES = {"hazards": Level.WARN, "wheel status": Level.OK, "dock status": Level.OK}
+"""What a base may tell, and how bad it is not to hear it: without hazards no bump is known of."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +130,19 @@ def input_reports(
                 "limit_s": f"{getattr(limits, name):g}",
             },
         )
+
+
+def status_reports(heard: Collection[str]) -> Iterator[Report]:
+    """One row for each thing that a base may tell; an episode goes without.
+
+    Args:
+        heard: which of ``STATUSES`` have been heard.
+    """
+    for name, level in STATUSES.items():
+        if name in heard:
+            yield Report(name, message="heard")
+        else:
+            yield Report(name, level, "not heard")
 
 
 def episode_report(episode: Episode | None) -> Report:

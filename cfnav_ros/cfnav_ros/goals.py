@@ -52,12 +52,18 @@ def _settle(handle: ServerGoalHandle, result: NavigateToObject.Result) -> Naviga
 class Goals:
     """The goal that is served and the one that waits for its end.
 
-    ``policy/goal`` takes a category by topic; an empty one cancels whatever is served. The goal
-    that the topic already asks for is not begun anew by its repetition.
+    ``policy/goal`` takes a category by topic; an empty one cancels whatever is served. What the
+    topic asked for last is not begun anew by its repetition, even after its end: publishers often
+    repeat themselves, and nobody would expect the robot to set off again. Another category or an
+    empty one makes it a new goal.
     """
 
     def __init__(
-        self, node: Node, begin: Callable[[Goal], None], preempt: Callable[[str], None]
+        self,
+        node: Node,
+        begin: Callable[[Goal], None],
+        preempt: Callable[[str], None],
+        tell: Callable[[Goal, NavigateToObject.Result], None],
     ) -> None:
         """Listen for goals.
 
@@ -65,12 +71,15 @@ class Goals:
             node: owner of the action server and the subscription.
             begin: called with a goal to serve; ``end`` is called when it has ended.
             preempt: called with a sentence when the goal that is served must end for a newer one.
+            tell: called with a goal by topic that was given up before it began, and its result.
         """
         self.current: Goal | None = None
         self.closing = False
         self._next: Goal | None = None
         self._silenced = False
-        self._begin, self._preempt = begin, preempt
+        self._asked = ""
+        self._node = node
+        self._begin, self._preempt, self._tell = begin, preempt, tell
         self._server = ActionServer(
             node,
             NavigateToObject,
@@ -120,6 +129,8 @@ class Goals:
         goal, self._next = self._next, None
         if goal is not None:
             goal.settle(result)
+            if goal.handle is None:
+                self._tell(goal, result)
 
     def _admit(self, _: NavigateToObject.Goal) -> GoalResponse:
         # A goal that cannot be met is accepted and then refused: only a result carries a sentence.
@@ -130,8 +141,9 @@ class Goals:
         self.add(Goal(asked.goal, asked.max_steps, asked.time_limit, handle))
 
     def _hear(self, message: String) -> None:
-        name = message.data.strip()
-        newest = self._next or self.current
+        name, asked = message.data.strip(), self._asked
+        self._asked = name
+        newest = self._next or (None if self._silenced else self.current)
         if not name:
             self._drop_next(
                 NavigateToObject.Result(outcome="canceled", message="An empty goal canceled it.")
@@ -139,5 +151,10 @@ class Goals:
             self._silenced = self.current is not None
         elif self.closing or (newest and newest.handle is None and newest.name == name):
             return
+        elif name == asked:
+            self._node.get_logger().warning(
+                f"{name} was asked for before: publish an empty goal first to look for it again.",
+                throttle_duration_sec=10.0,
+            )
         else:
             self.add(Goal(name))

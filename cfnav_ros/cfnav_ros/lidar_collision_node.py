@@ -49,7 +49,7 @@ class LidarCollisionNode(Node):
         super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         given = any(self.has_parameter(name) for name in MOUNT)
         parameters = declare(self, LidarParameters)
-        disc = parameters.disc
+        disc, self._base_frame = parameters.disc, parameters.base_frame
         self._mounting = Mounting(
             parameters.mount, disc.mount, given, parameters.base_frame, parameters.frame
         )
@@ -142,7 +142,7 @@ class LidarCollisionNode(Node):
         self._diagnostics.publish(array)
 
     def _publish(self, estimate: Estimate, stamp: Time) -> None:
-        self._publisher.publish(conversions.estimate_to_message(estimate, stamp))
+        self._publisher.publish(conversions.estimate_to_message(estimate, stamp, self._base_frame))
         self._last = estimate
         sees = estimate.verdict is not Verdict.BLIND
         if sees is not self._sees:

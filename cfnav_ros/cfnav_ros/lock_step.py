@@ -58,6 +58,7 @@ class LockStep:
         """Simulated time from which the episode's times count, nanoseconds."""
         self._presented, self._came_ns = Inputs(), dict[str, int]()
         self._waiting_from: float | None = None
+        self._acted_at = 0.0
         self._last: Answer | None = None
         self._told_at = 0.0
 
@@ -84,9 +85,21 @@ class LockStep:
             return False
         return all(not ns or abs(stamp - seconds(ns)) < SAME_S for stamp, ns in pairs)
 
-    def restart(self) -> None:
-        """An episode begins: its times count from the next moment that is acted on."""
-        self.zero_ns = None
+    def restart(self, real: float) -> None:
+        """An episode begins: its times count from the next moment that is acted on.
+
+        Args:
+            real: monotonic real time, seconds.
+        """
+        self.zero_ns, self._acted_at = None, real
+
+    def silence(self, real: float) -> float:
+        """Real time since the episode began or a moment was acted on, seconds.
+
+        Args:
+            real: monotonic real time, seconds.
+        """
+        return real - self._acted_at
 
     def present(self, inputs: Inputs) -> tuple[float, Inputs]:
         """Time and inputs as the episode gets them.
@@ -145,8 +158,17 @@ class LockStep:
             self._waiting_from = real
         return real - self._waiting_from > LOST_S
 
-    def answer(self, real: float) -> Answer:
+    def act(self, real: float) -> Answer:
         """The moment's inputs were acted on: time may go on.
+
+        Args:
+            real: monotonic real time, seconds.
+        """
+        self._acted_at = real
+        return self.answer(real)
+
+    def answer(self, real: float) -> Answer:
+        """Nothing more is waited for in this moment: time may go on.
 
         Args:
             real: monotonic real time, seconds.

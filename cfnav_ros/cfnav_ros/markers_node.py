@@ -7,6 +7,7 @@ only listens, and nothing depends on it. Run it with ``python -m cfnav_ros.marke
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 
 import rclpy
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
@@ -20,17 +21,27 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cfnav_core.actions import STEP_M, Action
 from cfnav_ros.lidar import SweptDisc, Verdict
+from cfnav_ros.parameters import declare
+from cfnav_ros.settings import setting
 from cfnav_ros.stop_signal import StopSignal
 
 SHOWN_M = 1.5
 """Longest clearance that is drawn."""
 
 
+@dataclass(frozen=True)
+class MarkersParameters:
+    """Parameters of ``markers_node``; the frame is that of the estimates."""
+
+    radius: float = setting(SweptDisc().radius, "disc.radius of the LiDAR node, m", 0.05, 1.0)
+
+
 class MarkersNode(Node):
     """Draws the way ahead in the colour of its collision probability, and a line of text."""
 
     def __init__(self) -> None:
-        super().__init__("markers_node")
+        super().__init__("markers_node", automatically_declare_parameters_from_overrides=True)
+        self._radius = declare(self, MarkersParameters).radius
         self._decision = "no decision yet"
         self._markers = self.create_publisher(MarkerArray, "policy/markers", 5)
         self.create_subscription(
@@ -54,13 +65,15 @@ class MarkersNode(Node):
     def _on_estimate(self, estimate: CollisionEstimate) -> None:
         verdict = Verdict(estimate.verdict).name
         said = f"p {estimate.probability:.2f}, {estimate.clearance:.2f} m free, {verdict}"
-        markers = [way_ahead(estimate), text(estimate, f"{self._decision}\n{said}")]
+        markers = [way_ahead(estimate, self._radius), text(estimate, f"{self._decision}\n{said}")]
         self._markers.publish(MarkerArray(markers=markers))
 
 
-def way_ahead(estimate: CollisionEstimate) -> Marker:
-    """The strip that the hull can advance over; a blind LiDAR's is one step long and red."""
-    radius = SweptDisc().radius
+def way_ahead(estimate: CollisionEstimate, radius: float) -> Marker:
+    """The strip that a hull of this radius, m, can advance over.
+
+    A blind LiDAR's is one step long and red.
+    """
     blind = estimate.verdict == CollisionEstimate.BLIND
     length = STEP_M if blind else max(min(estimate.clearance, SHOWN_M), 0.01)
     marker = _marker(estimate, 0, Marker.CUBE)
@@ -89,11 +102,21 @@ def _marker(estimate: CollisionEstimate, number: int, kind: int) -> Marker:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM."""
+    """Run until SIGINT or SIGTERM.
+
+    Returns:
+        0 when told to end, 2 when a parameter cannot be used.
+    """
     stop = StopSignal()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = MarkersNode()
+    except ValueError as error:
+        print(f"markers_node: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
     executor = SingleThreadedExecutor()
-    executor.add_node(MarkersNode())
+    executor.add_node(node)
     try:
         while not stop:
             executor.spin_once(timeout_sec=0.1)

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 import rclpy
+from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import EpisodeStatus, Moment, MomentDone, PolicyDecision
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
@@ -35,10 +36,11 @@ from cfnav_ros.diagnostics import (
     episode_report,
     inference_report,
     input_reports,
+    status_reports,
 )
 from cfnav_ros.episode import Episode, Phase, StepRecord
 from cfnav_ros.goals import Goal, Goals
-from cfnav_ros.lock_step import Answer, LockStep
+from cfnav_ros.lock_step import LOST_S, Answer, LockStep
 from cfnav_ros.motion import STOP
 from cfnav_ros.parameters import PolicyParameters, declare
 from cfnav_ros.senses import Senses
@@ -50,6 +52,8 @@ GUARD_PERIOD_S = 0.1
 
 DIAGNOSTICS_S = 1.0
 """Real time between two messages on /diagnostics."""
+
+CANCELED = "The goal was canceled."
 
 BURST_S = 0.6
 """How long zeros are sent before the process ends: a base may miss single ones."""
@@ -86,7 +90,7 @@ class PolicyNode(Node):
         self.create_timer(DIAGNOSTICS_S, self._diagnose, clock=steady)
         self._answered = self.create_guard_condition(self._poke)
         self._all_here = self.create_guard_condition(self._act_on_moment)
-        self._goals = Goals(self, self._begin, self._preempt)
+        self._goals = Goals(self, self._begin, self._preempt, self._tell_unserved)
         self._announce()
         if settings.goal:
             self._goals.add(Goal(settings.goal))
@@ -134,7 +138,7 @@ class PolicyNode(Node):
         self._clock_watch.restart(self._begun_at)
         self._velocity.restart()
         if self._lock_step:
-            self._lock_step.restart()
+            self._lock_step.restart(self._begun_at)
         else:
             self._timer.reset()
         self._publish_status(self._episode, EpisodeStatus.STARTED)
@@ -143,6 +147,10 @@ class PolicyNode(Node):
     def _preempt(self, reason: str) -> None:
         if self._episode is not None:
             self._episode.finish("preempted", reason)
+
+    def _tell_unserved(self, goal: Goal, given_up: NavigateToObject.Result) -> None:
+        now = conversions.ns_to_stamp(self._now_ns())
+        self._episodes.publish(conversions.unserved(goal.name, given_up, self._policy.name, now))
 
     def _end(self, episode: Episode) -> None:
         """Tell everybody how the episode ended and take the next goal, if any."""
@@ -180,10 +188,13 @@ class PolicyNode(Node):
         t, inputs = self._now_ns() * 1e-9, self._senses.inputs
         if self._lock_step:
             t, inputs = self._lock_step.present(inputs)
+        begins = episode.phase is Phase.PREFLIGHT
         output = episode.update(t, inputs)
+        if begins and episode.phase is not Phase.PREFLIGHT and not episode.ended:
+            self._warn_of_hazards()
         canceled = self._goals.canceled
         if canceled:  # after the update: what goes wrong in the same moment is said first
-            episode.finish("canceled", "The goal was canceled.")
+            episode.finish("canceled", CANCELED)
         self._velocity.send(STOP if canceled else output.command)
         if output.tilt is not None:
             self._tilts.publish(Float64(data=output.tilt))
@@ -191,6 +202,14 @@ class PolicyNode(Node):
             self._report(episode, output.record)
         if episode.ended:
             self._end(episode)
+
+    def _warn_of_hazards(self) -> None:
+        if "hazards" not in self._senses.heard:
+            self.get_logger().warning(
+                f"{self.resolve_topic_name('hazard_detection')}: not heard. The robot drives "
+                "without its bumper, and the result counts no bumps. On a TurtleBot 4 enable it in "
+                "the republisher's list."
+            )
 
     def _check_base(self) -> None:
         base = self._velocity.check()
@@ -240,6 +259,8 @@ class PolicyNode(Node):
         if settled and step.complete(self._senses.inputs):
             # Triggered, not called: what else has arrived (bumps, states) is taken in first.
             self._all_here.trigger()
+        elif step.silence(real) > self._patience(self._episode):
+            self._give_up(self._episode)
         elif settled and step.lost(real):
             self.get_logger().warning("Messages of a moment were lost: going on without them.")
             self._velocity.send(STOP)
@@ -254,7 +275,23 @@ class PolicyNode(Node):
         self._update(episode)
         if episode.phase is Phase.THINK:
             self._update(episode)  # the answer is there: _submit waited for it
-        self._tell(step.answer(time.monotonic()))
+        self._tell(step.act(time.monotonic()))
+
+    def _give_up(self, episode: Episode) -> None:
+        """End an episode for which the simulator's time does not go on."""
+        if self._goals.canceled:
+            episode.finish("canceled", CANCELED)
+        episode.fail(
+            f"No moment of a simulator came whole for {self._patience(episode):g} s: has it ended, "
+            "or is lock_step set on a robot?"
+        )
+        self._velocity.send(STOP)
+        self._end(episode)
+
+    def _patience(self, episode: Episode) -> float:
+        """How long an episode in lock-step waits for a moment, real seconds."""
+        ending = episode.outcome or self._goals.canceled
+        return LOST_S if ending else self._settings.episode.preflight_timeout
 
     def _tell(self, answer: Answer | None) -> None:
         if answer is not None:
@@ -267,7 +304,8 @@ class PolicyNode(Node):
         """Publish a decision before it is executed."""
         now = conversions.ns_to_stamp(self._now_ns())
         zero_ns = (self._lock_step.zero_ns or 0) if self._lock_step else 0
-        self._decisions.publish(conversions.decision(record, episode.goal, now, zero_ns))
+        frame = self._settings.base_frame
+        self._decisions.publish(conversions.decision(record, episode.goal, now, zero_ns, frame))
         goal = self._goals.current
         if goal is not None:
             goal.tell(conversions.feedback(record, episode.track.path_length))
@@ -282,6 +320,7 @@ class PolicyNode(Node):
         needed = (limits.lidar, limits.has_tilt)
         reports = (
             *input_reports(t, inputs, limits.ages, self._senses.rates(), *needed),
+            *status_reports(self._senses.heard),
             episode_report(self._episode),
             inference_report(*self._inferences.percentiles_ms(), limits.think_timeout),
             base_report(
@@ -335,17 +374,15 @@ def main(args: list[str] | None = None) -> int:
         return 2
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    spend: Callable[[float], None] = executor.spin_once
     try:
         while not stop:
             executor.spin_once(timeout_sec=0.1)
         return 0
     except Exception:
         traceback.print_exc()
-        spend = time.sleep
         return 1
     finally:
-        node.shut_down(spend)
+        node.shut_down(executor.spin_once)
         rclpy.try_shutdown()
 
 

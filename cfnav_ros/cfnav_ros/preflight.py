@@ -5,7 +5,7 @@ Pure: who is on a topic is an argument.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
@@ -15,8 +15,11 @@ TYPES = {"stamped": STAMPED, "unstamped": UNSTAMPED}
 MOCK = "mock_turtlebot4"
 """Node name of the simulated base, the only one that may be driven without ``allow_robot``."""
 
-RECORDERS = ("recorder", "rosbag2_recorder")
+ONLOOKERS = ("recorder", "rosbag2_recorder", "foxglove_bridge")
 """Nodes that listen to everything and drive nothing."""
+
+COMMAND_LINE = "_ros2cli_"
+"""How the names of nodes begin that `ros2 topic echo` and its like make; they only listen."""
 
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """What discovery says of an endpoint whose node it has not heard of yet."""
@@ -66,7 +69,8 @@ def explain_silence(
 class BaseCheck:
     """What is known of the base: ``fault`` forbids driving for good, ``waiting`` only so far.
 
-    ``type`` is the message type to send when neither is set; ``deaf`` says that nobody listens.
+    ``type`` is the message type to send when neither is set; ``deaf`` says that nobody listens, or
+    that nobody knows yet who else drives: a robot on its way stops.
     """
 
     type: str = ""
@@ -83,7 +87,7 @@ class BaseCheck:
 def check_base(
     topic: str,
     subscribers: Sequence[Endpoint],
-    other_publishers: Sequence[str],
+    other_publishers: Mapping[str, Sequence[str]],
     cmd_vel_type: str = "auto",
     allow_robot: bool = False,
     other_publishers_allowed: Sequence[str] = (),
@@ -93,7 +97,8 @@ def check_base(
     Args:
         topic: resolved name of the velocity topic, for the sentences.
         subscribers: who listens on it.
-        other_publishers: names of other nodes that publish on it.
+        other_publishers: names of other nodes that publish on it, or on another topic that moves
+            the base, by topic.
         cmd_vel_type: auto, stamped or unstamped.
         allow_robot: whether anything but the mock may be driven.
         other_publishers_allowed: nodes that may publish beside us, such as a joystick's that
@@ -102,12 +107,14 @@ def check_base(
     Returns:
         The message type, or one sentence why not (yet).
     """
-    rivals = sorted(set(other_publishers) - set(other_publishers_allowed))
-    if rivals:
-        return BaseCheck(
-            fault=f"{', '.join(rivals)} also publishes on {topic}: stop it, one node must drive."
-        )
-    bases = [s for s in subscribers if s.node not in RECORDERS]
+    for rivaled, publishers in other_publishers.items():
+        rivals = sorted(set(publishers) - set(other_publishers_allowed))
+        if rivals == [UNKNOWN_NODE]:
+            return BaseCheck(waiting=f"A publisher on {rivaled} has not said its name.", deaf=True)
+        if rivals:
+            found = f"{', '.join(rivals)} also publishes on {rivaled}"
+            return BaseCheck(fault=f"{found}: stop it, one node must drive.")
+    bases = [s for s in subscribers if not only_listens(s.node)]
     if not bases:
         return BaseCheck(waiting=f"No robot listens on {topic}.", deaf=True)
     if any(base.node == UNKNOWN_NODE for base in bases):
@@ -119,6 +126,11 @@ def check_base(
             "allow_robot to drive it."
         )
     return _choose_type(topic, {base.type for base in bases}, cmd_vel_type)
+
+
+def only_listens(node: str) -> bool:
+    """Whether a node of this name is known to drive nothing."""
+    return node in ONLOOKERS or node.startswith(COMMAND_LINE)
 
 
 def _choose_type(topic: str, types: set[str], wanted: str) -> BaseCheck:

@@ -9,16 +9,18 @@ import struct
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_path
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -28,31 +30,47 @@ from rosbags.interfaces import (
     QosTime,
 )
 
+from cfnav_ros import conversions
+from cfnav_ros.bag_reader import IMAGE
 from cfnav_ros.bag_writer import BagWriter, typestore_with
+from cfnav_ros.preflight import STAMPED, UNSTAMPED, explain_silence
 
 NODE_NAME = "recorder"
 """The policy node knows by this name that a listener on ``cmd_vel`` is no robot."""
 
 CLOCK = "/clock"
+DECIDE_S = 0.2
+"""Real time between looks at the type of a topic that may have two."""
+
 PACKAGES = ("cfnav_interfaces", "irobot_create_msgs")
 """Packages whose definitions the bag library does not know by itself."""
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic to record; ``latched``: the last message reaches late subscribers too."""
+    """A topic to record.
+
+    ``latched``: the last message reaches late subscribers too. ``other``: a type that it may have
+    instead of ``msgtype``; the graph tells which.
+    """
 
     name: str
     msgtype: str
+    other: str = ""
     depth: int = 100
     latched: bool = False
     reliable: bool = True
 
 
+def camera_info(image_topic: str) -> str:
+    """Where a driver that keeps to image_transport publishes the calibration of its pictures."""
+    return "".join((*image_topic.rpartition("/")[:2], "camera_info"))
+
+
 TOPICS = (
     Topic(CLOCK, "rosgraph_msgs/msg/Clock"),
-    Topic("oakd/rgb/preview/image_raw", "sensor_msgs/msg/Image", depth=30),
-    Topic("oakd/rgb/preview/camera_info", "sensor_msgs/msg/CameraInfo"),
+    Topic(IMAGE, "sensor_msgs/msg/Image", depth=30),
+    Topic(camera_info(IMAGE), "sensor_msgs/msg/CameraInfo"),
     Topic("scan", "sensor_msgs/msg/LaserScan"),
     Topic("odom", "nav_msgs/msg/Odometry", latched=True),
     Topic("tf", "tf2_msgs/msg/TFMessage"),
@@ -61,7 +79,7 @@ TOPICS = (
     Topic("hazard_detection", "irobot_create_msgs/msg/HazardDetectionVector"),
     Topic("wheel_status", "irobot_create_msgs/msg/WheelStatus"),
     Topic("dock_status", "irobot_create_msgs/msg/DockStatus"),
-    Topic("cmd_vel", "geometry_msgs/msg/TwistStamped", reliable=False),
+    Topic("cmd_vel", STAMPED, UNSTAMPED, reliable=False),
     Topic("camera_tilt/command", "std_msgs/msg/Float64"),
     Topic("collision/estimate", "cfnav_interfaces/msg/CollisionEstimate"),
     Topic("policy/decision", "cfnav_interfaces/msg/PolicyDecision"),
@@ -80,16 +98,19 @@ class Recorder:
     topic, those of the system.
     """
 
-    def __init__(self, bag: Path, context: Context, system_time: bool = False) -> None:
+    def __init__(
+        self, bag: Path, context: Context, system_time: bool = False, image_topic: str = IMAGE
+    ) -> None:
         """Open the bag and subscribe.
 
         Args:
             bag: folder of the finished bag.
             context: an initialised rclpy context; the caller shuts it down after ``close``.
             system_time: log system time instead of that of ``/clock``.
+            image_topic: pictures of the camera; its calibration is taken from beside them.
 
         Raises:
-            FileExistsError: the bag exists.
+            FileExistsError: the bag exists, or what a recording that broke off left of it.
             FileNotFoundError: a message package is not built.
         """
         shares = [get_package_share_path(name) for name in PACKAGES]
@@ -101,8 +122,16 @@ class Recorder:
         self._node = Node(NODE_NAME, context=context)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
+        self._undecided: list[Topic] = []
+        self._subscriptions: list[tuple[str, Subscription]] = []
+        renamed = {IMAGE: image_topic, camera_info(IMAGE): camera_info(image_topic)}
         for topic in TOPICS:
-            self._subscribe(topic)
+            if topic.other:
+                self._undecided.append(topic)
+            else:
+                self._subscribe(replace(topic, name=renamed.get(topic.name, topic.name)))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(DECIDE_S, self._decide, clock=steady)
         self._thread = threading.Thread(target=self._spin, name=NODE_NAME)
         self._thread.start()
 
@@ -124,17 +153,39 @@ class Recorder:
                 self._heard.wait(left)
         return self.count(topic) >= count
 
+    def unheard(self) -> list[str]:
+        """One sentence for each topic that somebody publishes and of which nothing has come."""
+        found = []
+        for msgtype, subscription in [*self._subscriptions]:
+            name = subscription.topic_name
+            infos = self._node.get_publishers_info_by_topic(name)
+            if infos and not self.counts[name]:
+                sources = conversions.sources(infos, subscription)
+                reason = explain_silence(name, msgtype, sources) or "it is published, but silent"
+                found.append(f"{name} was not heard so far: {reason}.")
+        return found
+
     def close(self) -> None:
         """Stop listening and finish the bag.
 
         Raises:
-            OSError: the bag could not be written, such as on a full disk.
+            OSError: the bag could not be written, such as on a full disk; what was is left.
         """
+        names = [(self._node.resolve_topic_name(topic.name), topic) for topic in self._undecided]
         self._stop()
-        if self._error is not None:
-            self._writer.abort()
+        if self._error is None:  # a bag has all topics, silent ones too
+            for name, topic in names:
+                self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
+        else:
+            self._writer.leave()
             raise self._error
         self._writer.close()
+
+    def leave(self) -> Path:
+        """Stop listening and leave what was written where it is; returns its folder."""
+        self._stop()
+        self._writer.leave()
+        return self._writer.partial
 
     def abort(self) -> None:
         """Stop listening and leave no bag."""
@@ -146,7 +197,7 @@ class Recorder:
         name = self._node.resolve_topic_name(topic.name)
         self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
         write = self._write_clock if topic.name == CLOCK else self._write
-        self._node.create_subscription(
+        subscription = self._node.create_subscription(
             getattr(import_module(f"{package}.msg"), kind),
             topic.name,
             lambda cdr: write(name, cdr),
@@ -155,6 +206,21 @@ class Recorder:
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
+        self._subscriptions.append((topic.msgtype, subscription))
+
+    def _decide(self) -> None:
+        """Listen to topics that may have two types in the one that the graph knows."""
+        for topic in [*self._undecided]:
+            name = self._node.resolve_topic_name(topic.name)
+            infos = (
+                *self._node.get_subscriptions_info_by_topic(name),
+                *self._node.get_publishers_info_by_topic(name),
+            )
+            types = {info.topic_type for info in infos}
+            kind = next((kind for kind in (topic.msgtype, topic.other) if kind in types), None)
+            if kind is not None:
+                self._undecided.remove(topic)
+                self._subscribe(replace(topic, msgtype=kind))
 
     def _write_clock(self, name: str, cdr: bytes) -> None:
         # After the 4 bytes of encapsulation: int32 seconds, uint32 nanoseconds.

@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from cfnav_ros.bag_reader import IMAGE
 from cfnav_ros.parameters import declare
 from cfnav_ros.recorder import NODE_NAME, Recorder
+from cfnav_ros.settings import setting
 from cfnav_ros.stop_signal import StopSignal
+
+PATIENCE_S = 5.0
+"""Recorded before topics are named that somebody publishes and that are not heard."""
 
 LINGER_S = 1.0
 """Recorded after the signal: under launch the policy node gets it too, and ends in zeros."""
@@ -27,7 +32,8 @@ LINGER_S = 1.0
 class RecorderParameters:
     """Parameters of the recorder; with ``use_sim_time`` its log times are those of ``/clock``."""
 
-    bag: str = field(default="", metadata={"help": "folder of the bag to be made"})
+    bag: str = setting("", "folder of the bag to be made")
+    image_topic: str = setting(IMAGE, "pictures of the camera")
 
 
 def main(args: list[str] | None = None) -> int:
@@ -46,17 +52,22 @@ def main(args: list[str] | None = None) -> int:
         return 2
     try:
         heard: set[str] = set()
+        told, begun = False, time.monotonic()
         while not stop:
             time.sleep(0.1)
             for topic in sorted(set(recorder.counts) - heard):
                 heard.add(topic)
                 print(f"recording {topic}", flush=True)
+            if not told and time.monotonic() - begun > PATIENCE_S:
+                told = True
+                for sentence in recorder.unheard():
+                    print(sentence, flush=True)
         time.sleep(LINGER_S)
         total = recorder.counts.total()
         recorder.close()
     except Exception as error:
         print(f"{NODE_NAME}: the bag could not be written: {error}", file=sys.stderr)
-        recorder.abort()
+        print(f"{NODE_NAME}: what was recorded before is in {recorder.leave()}", file=sys.stderr)
         return 1
     finally:
         rclpy.try_shutdown()
@@ -68,13 +79,14 @@ def main(args: list[str] | None = None) -> int:
 def _begin() -> Recorder:
     node = Node(NODE_NAME, automatically_declare_parameters_from_overrides=True)
     try:
-        bag = declare(node, RecorderParameters).bag
+        settings = declare(node, RecorderParameters)
         simulated = node.get_parameter("use_sim_time").value
     finally:
         node.destroy_node()
-    if not bag:
+    if not settings.bag:
         raise ValueError("no bag is named, expected -p bag:=FOLDER.")
-    recorder = Recorder(Path(bag), rclpy.get_default_context(), system_time=not simulated)
+    context, bag = rclpy.get_default_context(), Path(settings.bag)
+    recorder = Recorder(bag, context, not simulated, settings.image_topic)
     print(f"recording to {bag}", flush=True)
     return recorder
 

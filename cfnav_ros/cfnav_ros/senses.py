@@ -16,7 +16,7 @@ from sensor_msgs.msg import Image, JointState
 
 from cfnav_ros import conversions
 from cfnav_ros.diagnostics import Rate
-from cfnav_ros.inputs import Inputs
+from cfnav_ros.inputs import Inputs, needed
 from cfnav_ros.parameters import PolicyParameters
 from cfnav_ros.picture_watch import PictureWatch
 from cfnav_ros.preflight import BaseCheck, explain_silence
@@ -31,11 +31,13 @@ class Senses:
         Args:
             node: owner of the subscriptions.
             settings: names of topic and joint, time of frozen pictures, lock-step.
-            wake: called after every picture and estimate, for which an episode waits.
+            wake: called after every picture and estimate, for which an episode waits, and in
+                lock-step after all that belongs to a moment.
         """
         self.inputs = Inputs()
         self._node, self._settings, self._wake = node, settings, wake
-        self._heard: set[str] = set()
+        self.heard: set[str] = set()
+        """Fields of ``Inputs`` and ``diagnostics.STATUSES`` of which a message has come."""
         self._pictures = PictureWatch(settings.frozen_picture_time)
         newest = qos_profile_sensor_data
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
@@ -66,9 +68,11 @@ class Senses:
     def notice_base(self, base: BaseCheck) -> None:
         """Take who listens on cmd_vel, and what the graph says of inputs that never came."""
         notes, names = {**self.inputs.notes}, ()
-        for name, listener in self._listeners.items():
-            if name in self._heard:
+        limits = self._settings.episode
+        for name in needed(limits.lidar, limits.has_tilt):
+            if name in self.heard:
                 continue
+            listener = self._listeners[name]
             topic, expected = listener.topic_name, conversions.type_name(listener.msg_type)
             names = names or [found for found, _ in self._node.get_topic_names_and_types()]
             infos = self._node.get_publishers_info_by_topic(topic)
@@ -90,20 +94,27 @@ class Senses:
 
     def _on_odometry(self, message: Odometry) -> None:
         self._take("odometry", conversions.odometry_from_message, message)
+        if self._settings.lock_step:
+            self._wake()
 
     def _on_joints(self, message: JointState) -> None:
         joint = self._settings.tilt_joint
         otherwise = f"{self._listeners['tilt'].topic_name} gives no position of {joint}"
         self._take("tilt", conversions.tilt_from_message, message, joint, otherwise=otherwise)
+        if self._settings.lock_step:
+            self._wake()
 
     def _on_hazards(self, message: HazardDetectionVector) -> None:
+        self.heard.add("hazards")
         self._take("bumped_at", conversions.bump_from_message, message)
         self._take("front_bumped_at", conversions.front_bump_from_message, message)
 
     def _on_dock(self, message: DockStatus) -> None:
+        self.heard.add("dock status")
         self.inputs = replace(self.inputs, docked=message.is_docked)
 
     def _on_wheels(self, message: WheelStatus) -> None:
+        self.heard.add("wheel status")
         self.inputs = replace(self.inputs, powered=message.wheels_enabled)
 
     def _take(
@@ -117,7 +128,7 @@ class Senses:
             message: what it is given.
             otherwise: note for a message that speaks of something else.
         """
-        self._heard.add(name)
+        self.heard.add(name)
         if name in self._rates:
             self._rates[name].note(time.monotonic())
         notes = {key: note for key, note in self.inputs.notes.items() if key != name}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -106,6 +107,9 @@ def test_a_bag_has_its_name_only_when_it_is_closed(tmp_path: Path) -> None:
     left = BagWriter(path, typestore_with([]))
     assert not path.exists()
     del left  # as after a crash: nothing closes it
+    with pytest.raises(FileExistsError, match=r"bag\.partial exists already: a recording runs or"):
+        BagWriter(path, typestore_with([]))
+    shutil.rmtree(tmp_path / "bag.partial")
     writer = BagWriter(path, typestore_with([]))
     writer.close()
     assert [p.name for p in tmp_path.iterdir()] == ["bag"]

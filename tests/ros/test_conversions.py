@@ -154,7 +154,8 @@ def test_odometry_that_makes_no_sense_is_refused():
 
 def test_an_estimate_survives_both_ways():
     estimate = Estimate(0.25, 0.5, Verdict.DEGRADED, "Dark.", 0.75)
-    message = over_the_wire(conversions.estimate_to_message(estimate, STAMP))
+    message = over_the_wire(conversions.estimate_to_message(estimate, STAMP, "r1/base"))
+    assert message.header.frame_id == "r1/base"
     expected = StampedEstimate(conversions.stamp_to_ns(STAMP), estimate)
     assert conversions.estimate_from_message(message) == expected
 

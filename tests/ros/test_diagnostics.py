@@ -13,6 +13,7 @@ from cfnav_ros.diagnostics import (
     episode_report,
     inference_report,
     input_reports,
+    status_reports,
 )
 from cfnav_ros.inputs import AgeLimits, Inputs, PictureCheck
 from cfnav_ros.preflight import BaseCheck
@@ -64,6 +65,16 @@ def test_inputs_have_ages_and_rates():
     assert (never.level, never.values["age_s"]) == (Level.ERROR, "never")
     dark = dataclasses.replace(inputs, picture=PictureCheck(waiting="It is dark."))
     assert rows(robot.t, dark)["picture"].message == "It is dark."
+
+
+def test_what_a_base_never_told_is_said():
+    silent = {report.name: report for report in status_reports(())}
+    assert set(silent) == {"hazards", "wheel status", "dock status"}
+    assert {report.message for report in silent.values()} == {"not heard"}
+    assert silent["hazards"].level is Level.WARN
+    assert silent["dock status"].level is Level.OK
+    heard = next(iter(status_reports({"hazards"})))
+    assert (heard.level, heard.message) == (Level.OK, "heard")
 
 
 def test_an_episode_says_where_it_stands():

@@ -87,6 +87,16 @@ def test_messages_that_never_come_are_taken_for_lost(step):
     assert not step.lost(9.0)
 
 
+def test_the_silence_counts_from_what_was_acted_on(step):
+    step.restart(1.0)
+    assert step.silence(4.0) == 3.0
+    step.answer(5.0)  # messages were lost
+    assert step.silence(6.0) == 5.0
+    step.begin(dataclasses.replace(MOMENT, stamp_ns=NS + 20))
+    step.act(7.0)
+    assert step.silence(7.5) == 0.5
+
+
 def test_what_the_simulator_has_not_sent_since_it_began_anew_does_not_count(step):
     step.begin(Moment(NS + 20, odometry_ns=NS))
     t, left = step.present(inputs())
@@ -99,7 +109,7 @@ def test_an_episode_does_not_depend_on_when_it_begins():
     seen = []
     for begun in (0.05, 12345.65, 777777.1):
         step, robot = LockStep(lidar=True, tilt=True), Robot()
-        step.restart()
+        step.restart(0.0)
         ticks = []
         for tick in range(30):
             ns = round((begun + 0.05 * tick) * 1e9)

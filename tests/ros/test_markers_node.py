@@ -19,18 +19,20 @@ from tests.conftest import wait_until  # noqa: E402
 
 
 def test_the_way_ahead_reaches_as_far_as_the_hull_can_advance() -> None:
-    free = way_ahead(CollisionEstimate(probability=0.25, clearance=0.6))
+    free = way_ahead(CollisionEstimate(probability=0.25, clearance=0.6), 0.2)
     assert free.scale.x == pytest.approx(0.6)
-    assert free.pose.position.x - free.scale.x / 2 == pytest.approx(0.175)
+    assert free.scale.y == pytest.approx(0.4)
+    assert free.pose.position.x - free.scale.x / 2 == pytest.approx(0.2)
     assert (free.color.r, free.color.g) == pytest.approx((0.25, 0.75))
-    blind = way_ahead(CollisionEstimate(probability=1.0, verdict=CollisionEstimate.BLIND))
+    nothing = CollisionEstimate(probability=1.0, verdict=CollisionEstimate.BLIND)
+    blind = way_ahead(nothing, 0.2)
     assert blind.scale.x == pytest.approx(0.25)
     assert (blind.color.r, blind.color.g) == (1.0, 0.0)
-    assert way_ahead(CollisionEstimate(clearance=9.0)).scale.x == pytest.approx(1.5)
+    assert way_ahead(CollisionEstimate(clearance=9.0), 0.2).scale.x == pytest.approx(1.5)
 
 
 def test_the_node_draws_decision_and_estimate(start_process: Callable, ros_domain_id: int) -> None:
-    process = start_process("cfnav_ros.markers_node")
+    process = start_process("cfnav_ros.markers_node", "--ros-args", "-p", "radius:=0.25")
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain_id)
     node = rclpy.create_node("robot", context=context)
@@ -41,7 +43,7 @@ def test_the_node_draws_decision_and_estimate(start_process: Callable, ros_domai
     decisions = node.create_publisher(PolicyDecision, "policy/decision", 5)
     estimates = node.create_publisher(CollisionEstimate, "collision/estimate", 5)
     estimate = CollisionEstimate(probability=0.5, clearance=0.3, verdict=1)
-    estimate.header.frame_id = "base_link"
+    estimate.header.frame_id = "robot1/base_link"
 
     def drawn() -> bool:
         decisions.publish(PolicyDecision(goal="Mug", step=7, action=0, vetoed=True))
@@ -51,9 +53,13 @@ def test_the_node_draws_decision_and_estimate(start_process: Callable, ros_domai
 
     wait_until(drawn, "markers with the decision")
     strip, said = heard[-1].markers
-    assert strip.header.frame_id == "base_link"
+    assert strip.header.frame_id == "robot1/base_link"
+    assert strip.scale.y == pytest.approx(0.5)
     assert said.text == "Mug 0.00, step 7: MoveAhead, vetoed\np 0.50, 0.30 m free, DEGRADED"
     executor.shutdown()
     node.destroy_node()
     context.try_shutdown()
     assert process.interrupt() == 0
+    wrong = start_process("cfnav_ros.markers_node", "--ros-args", "-p", "radius:=0.0")
+    assert wrong.wait() == 2
+    assert "radius is 0.0, expected 0.05 to 1." in wrong.output

@@ -12,7 +12,7 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 from cfnav_ros.conversions import stamp_to_ns  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
 
-from .policy_graph import LATE_DEG, LATE_M, policy_graph  # noqa: E402
+from .policy_graph import LATE_DEG, LATE_M, policy_graph, standing  # noqa: E402
 
 WAY = ("RotateLeft", "MoveAhead", "LookDown", "LookUp", "RotateRight", "Done")
 
@@ -23,12 +23,20 @@ def graph(tmp_path, ros_domain_id):
         yield start
 
 
+def listened_to(robot):
+    """Wait until nothing that the robot sends from now on can be lost."""
+    needed = [robot.publishers[name] for name in ("odometry", "joints", "image", "estimate")]
+    robot.wait(lambda: all(p.get_subscription_count() for p in needed), "the node to listen")
+    robot.wait(lambda: not robot.free, "the robot to stand at a moment")
+    robot.put_back()
+    robot.wait(lambda: not robot.free, "the robot to stand at the first moment")
+
+
 def test_episodes_in_lock_step_repeat_themselves(graph, make_bundle):
     robot, _, _ = graph(
         make_bundle(*WAY), "use_sim_time:=true", "lock_step:=true", clock=True, lock_step=True
     )
-    needed = [robot.publishers[name] for name in ("odometry", "joints", "image", "estimate")]
-    robot.wait(lambda: all(p.get_subscription_count() for p in needed), "the node to listen")
+    listened_to(robot)
     runs = []
     for _ in range(2):
         robot.wait(lambda: not robot.free, "the robot to stand at a moment")
@@ -47,6 +55,29 @@ def test_episodes_in_lock_step_repeat_themselves(graph, make_bundle):
     assert robot.x > 0.1
 
 
+def test_in_lock_step_a_simulator_that_falls_silent_ends_the_episode(graph, make_bundle):
+    robot, _, _ = graph(
+        make_bundle("MoveAhead"), "use_sim_time:=true", "lock_step:=true",
+        "episode.preflight_timeout:=6.0", clock=True, lock_step=True,
+    )  # fmt: skip
+    listened_to(robot)
+    sent = "No moment of a simulator came whole for 6 s: has it ended, or is lock_step set on"
+    for silenced, canceled in (({"moment"}, False), ({"estimate"}, True), ({"estimate"}, False)):
+        handle, future = robot.send()
+        robot.wait_driving()
+        robot.silent = silenced
+        if canceled:
+            handle.cancel_goal_async()
+        _, result = robot.result(future)
+        if canceled:
+            assert (result.outcome, result.message) == ("canceled", "The goal was canceled.")
+        else:
+            assert (result.outcome, result.message[: len(sent)]) == ("aborted", sent)
+        robot.wait(lambda: standing(robot), "the robot to stand")
+        robot.silent = set()
+        robot.put_back()
+
+
 def test_two_robots_in_one_graph_do_not_disturb_each_other(tmp_path, ros_domain_id, make_bundle):
     bundles = {"left": make_bundle("RotateLeft"), "right": make_bundle("MoveAhead")}
     with ExitStack() as stack:
@@ -63,7 +94,11 @@ def test_two_robots_in_one_graph_do_not_disturb_each_other(tmp_path, ros_domain_
             _, result = robot.result(futures[name])
             assert (result.outcome, result.steps) == ("step_limit", 3), result.message
             robot.wait(lambda robot=robot: len(robot.decisions) == 3, "its own decisions")
-            assert robot.frames == {f"{name}/base_link"}
+            assert (
+                robot.frames
+                == {d.header.frame_id for d in robot.decisions}
+                == {f"{name}/base_link"}
+            )
     left, right = robots["left"], robots["right"]
     assert (left.x, left.y) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert math.degrees(left.yaw) == pytest.approx(135, abs=LATE_DEG)

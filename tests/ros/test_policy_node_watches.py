@@ -10,6 +10,9 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
+from cfnav_interfaces.msg import EpisodeStatus  # noqa: E402
+from geometry_msgs.msg import Twist, TwistStamped  # noqa: E402
+from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import CompressedImage, JointState  # noqa: E402
 
 from .policy_graph import policy_graph, standing  # noqa: E402
@@ -68,6 +71,31 @@ def test_dock_power_and_another_clock_are_said_before_and_while_driving(graph, m
     robot.node.destroy_subscription(robot.subscription)
     _, result = robot.result(robot.send()[1])
     assert (result.outcome, result.message) == ("refused", "No robot listens on /cmd_vel.")
+
+
+def test_a_joystick_that_speaks_ends_the_episode_and_its_silence_does_not(graph, make_bundle):
+    robot, _, _ = graph(make_bundle("MoveAhead"), "other_publishers:=joy")
+    joystick = Node("joy", context=robot.context)
+    stick = joystick.create_publisher(TwistStamped, "cmd_vel", 1)
+    old = joystick.create_publisher(Twist, "cmd_vel_unstamped", 1)
+    for publisher, topic in ((stick, "/cmd_vel"), (old, "/cmd_vel_unstamped")):
+        _, result = robot.result(robot.send(max_steps=1)[1])
+        assert result.outcome == "step_limit", result.message
+        future = robot.send()[1]
+        robot.wait_driving()
+        robot.wait(publisher.get_subscription_count, "the node to listen")
+        publisher.publish(publisher.msg_type())
+        message = stops(robot, future)
+        assert message == f"Somebody else drives: a velocity of joy came on {topic}."
+    rival = Node("nav", context=robot.context)
+    rival.create_publisher(Twist, "cmd_vel_unstamped", 1)
+    robot.wait(lambda: robot.node.count_publishers("cmd_vel_unstamped") == 2, "the rival")
+    future = robot.send()[1]
+    _, result = robot.result(future)
+    assert result.outcome in ("refused", "aborted")
+    assert result.message.startswith("nav also publishes on /cmd_vel_unstamped: ")
+    rival.destroy_node()
+    joystick.destroy_node()
 
 
 def test_pictures_of_another_type_are_named(graph, make_bundle):
@@ -193,10 +221,46 @@ def test_goals_by_topic_and_parameter(graph, make_bundle):
     assert (robot.statuses[-1].outcome, robot.statuses[-1].steps) == ("refused", 0)
 
 
+def test_a_goal_by_topic_that_never_begins_is_told_and_a_stream_of_one_begins_once(
+    graph, make_bundle
+):
+    from std_msgs.msg import String
+
+    robot, _, log = graph(make_bundle("MoveAhead"))
+    robot.silent = {"hazard"}
+    asked = robot.node.create_publisher(String, "policy/goal", 10)
+    robot.wait(lambda: asked.get_subscription_count() == 1, "the node to listen")
+    future = robot.send()[1]
+    robot.wait_driving()
+    assert "/hazard_detection: not heard. The robot drives without its bumper" in log.read_text()
+    for name in ("Mug", "Laptop", ""):  # the first is replaced, the second canceled
+        asked.publish(String(data=name))
+    assert robot.result(future)[1].outcome == "preempted"
+    robot.wait(lambda: len(robot.statuses) == 4, "the ends")
+    told = [(s.phase, s.goal, s.outcome) for s in robot.statuses]
+    assert told[1:3] == [
+        (EpisodeStatus.ENDED, "Mug", "preempted"),
+        (EpisodeStatus.ENDED, "Laptop", "canceled"),
+    ]
+
+    asked.publish(String(data="Unicorn"))
+    robot.wait(lambda: len(robot.statuses) == 6, "the goal to be refused")
+    for _ in range(3):
+        asked.publish(String(data="Unicorn"))
+    asked.publish(String(data="Mug"))
+    robot.wait(lambda: len(robot.statuses) == 7, "another goal to begin")
+    assert robot.statuses[-1].goal == "Mug"
+    assert "Unicorn was asked for before: publish an empty goal first" in log.read_text()
+    asked.publish(String(data=""))
+    asked.publish(String(data="Mug"))
+    robot.wait(lambda: len(robot.statuses) == 9, "it to begin again")
+    assert [s.goal for s in robot.statuses[-2:]] == ["Mug", "Mug"]
+
+
 def test_the_status_counts_and_diagnostics_tell(graph, make_bundle):
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-    robot, _, _ = graph(make_bundle("MoveAhead"))
+    robot, _, log = graph(make_bundle("MoveAhead"))
     heard = []
     robot.node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
     future = robot.send(max_steps=2)[1]
@@ -211,10 +275,12 @@ def test_the_status_counts_and_diagnostics_tell(graph, make_bundle):
     assert set(rows) == {
         f"/policy_node: {name}"
         for name in (
-            "picture", "odometry", "collision estimate", "camera tilt", "episode", "inference",
-            "base",
+            "picture", "odometry", "collision estimate", "camera tilt", "hazards", "wheel status",
+            "dock status", "episode", "inference", "base",
         )
     }  # fmt: skip
+    assert rows["/policy_node: hazards"].message == "heard"
+    assert "hazard_detection: not heard" not in log.read_text()
     assert rows["/policy_node: odometry"].level == DiagnosticStatus.OK
     values = {pair.key: pair.value for pair in rows["/policy_node: inference"].values}
     assert 0 < float(values["p50_ms"]) <= float(values["p99_ms"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import resource
 import signal
 import subprocess
@@ -21,8 +20,11 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 
 from cfnav_ros.bag_reader import read_events, read_maps, read_pictures  # noqa: E402
 from cfnav_ros.recorder import CLOCK, TOPICS, Recorder  # noqa: E402
+from geometry_msgs.msg import Twist  # noqa: E402
 from rclpy.context import Context  # noqa: E402
+from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
+from sensor_msgs.msg import CameraInfo, Image, JointState  # noqa: E402
 
 from tests.conftest import wait_until  # noqa: E402
 
@@ -76,8 +78,8 @@ while True:
 
 
 @pytest.fixture
-def domain() -> int:
-    return random.SystemRandom().randrange(1, 102)
+def domain(ros_domain_id: int) -> int:
+    return ros_domain_id
 
 
 @pytest.fixture
@@ -156,13 +158,61 @@ def small_files() -> None:
 
 
 @pytest.mark.usefixtures("publisher", "small_files")
-def test_a_full_disk_is_told_and_leaves_no_bag(context: Context, tmp_path: Path) -> None:
+def test_a_full_disk_is_told_and_leaves_what_was_written(context: Context, tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "bag", context)
     with pytest.raises(OSError, match="File too large"):
         recorder.wait_for("policy/decision", 1, 30)
     with pytest.raises(OSError, match="File too large"):
         recorder.close()
-    assert not [path for path in tmp_path.iterdir() if "bag" in path.name]
+    assert [path.name for path in tmp_path.glob("bag*")] == ["bag.partial"]
+    (file,) = (tmp_path / "bag.partial").rglob("*.mcap")
+    assert file.stat().st_size > 1000
+
+
+def test_the_node_takes_topic_and_type_from_the_robot_and_names_what_it_cannot_hear(
+    ros_domain_id: int, start_process: Callable, tmp_path: Path
+) -> None:
+    context = Context()
+    rclpy.init(context=context, domain_id=ros_domain_id)
+    node = rclpy.create_node("robot", context=context)
+    pictures = node.create_publisher(Image, "front/image_rect", 10)
+    infos = node.create_publisher(CameraInfo, "front/camera_info", 10)
+    velocities = node.create_publisher(Twist, "cmd_vel", 10)
+    node.create_publisher(JointState, "joint_states", qos_profile_sensor_data)  # best effort
+    bag = tmp_path / "drive"
+    recorder = start_process(
+        "cfnav_ros.recorder_node", "--ros-args", "-p", f"bag:={bag}",
+        "-p", "image_topic:=front/image_rect",
+    )  # fmt: skip
+    publishers = (pictures, infos, velocities)
+    wait_until(lambda: all(p.get_subscription_count() for p in publishers), "the recorder")
+    for publisher in publishers:
+        publisher.publish(publisher.msg_type())
+    recorder.wait_for_line("^recording /cmd_vel$")
+    recorder.wait_for_line("^/joint_states was not heard so far: robot offers .* with other QoS")
+    assert recorder.interrupt() == 0
+    assert "cmd_vel was not heard" not in recorder.output
+    node.destroy_node()
+    context.try_shutdown()
+    with AnyReader([bag]) as reader:
+        counts = {c.topic: (c.msgtype, c.msgcount) for c in reader.connections}
+    assert counts["/cmd_vel"] == ("geometry_msgs/msg/Twist", 1)
+    assert counts["/front/image_rect"][1] == counts["/front/camera_info"][1] == 1
+    assert "/oakd/rgb/preview/image_raw" not in counts
+
+
+@pytest.mark.usefixtures("publisher", "small_files")
+def test_the_node_keeps_what_it_wrote_before_the_disk_was_full(
+    domain: int, start_process: Callable, tmp_path: Path
+) -> None:
+    arguments = ("cfnav_ros.recorder_node", "--ros-args", "-p", f"bag:={tmp_path}/drive")
+    recorder = start_process(*arguments, ROS_DOMAIN_ID=str(domain))
+    assert recorder.wait() == 1
+    assert f"what was recorded before is in {tmp_path}/drive.partial" in recorder.output
+    assert list((tmp_path / "drive.partial").rglob("*.mcap"))
+    again = start_process(*arguments, ROS_DOMAIN_ID=str(domain))
+    assert again.wait() == 2
+    assert "drive.partial exists already" in again.output
 
 
 def test_the_recorder_of_a_robot_stamps_system_time_and_keeps_a_bag(

@@ -107,7 +107,11 @@ def viewers(given: dict[str, str], common: dict) -> list[Node]:
         rviz = {**common, "remappings": shown}
         made += [
             Node(
-                package="cfnav_ros", executable="markers_node", exec_name="markers_node", **common
+                package="cfnav_ros",
+                executable="markers_node",
+                exec_name="markers_node",
+                parameters=[parameter_file(given["params"])],
+                **common,
             ),
             Node(
                 package="rviz2",
