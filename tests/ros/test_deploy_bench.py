@@ -18,20 +18,31 @@ from cfnav_ros.policy_node import GUARD_PERIOD_S  # noqa: E402
 from cfnav_ros.processes import GraphError  # noqa: E402
 from cfnav_ros.velocity import CHECK_S  # noqa: E402
 from sim_bridge.faults import FAULTS  # noqa: E402
+from sim_bridge.room import generate_room, parse_room  # noqa: E402
+from sim_bridge.world import World  # noqa: E402
 
 from cfnav_core.actions import Action  # noqa: E402
 from tests.deploy import bench, fault_matrix, matrix_report, motion_error, usage  # noqa: E402
+from tests.deploy.bundles import make_bundle  # noqa: E402
 from tests.deploy.expectations import (  # noqa: E402
-    CONTROL_S,
+    CHANGED,
     EXPECTATIONS,
-    LIMITS_S,
+    GOES_ON,
     NAMES_CAUSE,
     PROCESS_FAULTS,
     SIMULATED,
+)
+from tests.deploy.judge import JUDGE, LastMotion, Run, Truth, judge, motions  # noqa: E402
+from tests.deploy.places import AHEAD_M, ROOM, find_places  # noqa: E402
+from tests.deploy.pool import _Lab  # noqa: E402
+from tests.deploy.reactions import (  # noqa: E402
+    CONTROL_S,
+    LIMIT_CHANGED,
+    LIMITS_S,
+    Bounded,
     Phase,
     Reaction,
 )
-from tests.deploy.judge import Run, Truth, judge, motions  # noqa: E402
 
 
 def cell(fault, phase):
@@ -57,6 +68,10 @@ def test_every_expectation_has_a_reason_and_every_stop_a_bound():
         if expected.reaction in (Reaction.REFUSE, Reaction.RIDE_THROUGH):
             assert expected.bound_s is None
         assert any(expected.fault.startswith(begin) for begin in NAMES_CAUSE)
+        assert (expected.bound_s is None) == (expected.bounded is Bounded.NOTHING)
+    assert set(CHANGED) <= {e.fault for e in EXPECTATIONS}
+    assert set(GOES_ON) <= {e.fault for e in EXPECTATIONS}
+    assert set(LIMIT_CHANGED) <= set(LIMITS_S)
 
 
 def test_limits_are_the_nodes_own_defaults():
@@ -114,9 +129,45 @@ def test_a_stop_counts_when_it_is_in_time_and_its_sentence_names_the_cause():
     good = judged(drive((0.6, 0.2, 0.0)), "odom_silent", message=told)
     assert (good.reaction, good.as_expected) == (Reaction.STOP, True)
     assert good.stop_s == pytest.approx(0.4)
+    assert good.last_motion is LastMotion.CUT_SHORT
     assert not judged(drive((1.0, 0.2, 0.0)), "odom_silent", message=told).as_expected
     assert not judged(drive((0.6, 0.2, 0.0)), "odom_silent", message="Well.").as_expected
     assert not judged(drive((0.6, 0.2, 0.0), collisions=1), "odom_silent", message=told).as_expected
+
+
+def test_who_stands_in_silence_has_not_said_why():
+    stop, told = drive((0.6, 0.2, 0.0)), "The newest odometry is 2.30 s old."
+    assert not judged(stop, "odom_silent", outcome="").as_expected
+    assert not judged(stop, "odom_silent", outcome="done", message=told).as_expected
+    blind = drive(TURN)
+    assert not judged(blind, "scan_all_inf", Phase.TURNING, outcome="").as_expected
+    assert judged(stop, "policy_hang", outcome="").as_expected
+    assert not judged(drive(STEP, PAUSE, STEP), "cmd_loss_30", message="Lost.").as_expected
+
+
+def test_what_finishes_by_itself_is_no_measured_stop():
+    told = "The newest picture is 3.05 s old."
+    found = judged(drive(TURN), "image_silent", Phase.TURNING, message=told)
+    assert (found.stop_s, found.last_motion) == (None, LastMotion.FINISHED)
+    assert found.as_expected
+    stood = judged(drive(), "odom_silent", Phase.WAITING, message="The odometry is old.")
+    assert (stood.stop_s, stood.last_motion, stood.as_expected) == (None, LastMotion.NONE, True)
+
+
+def test_the_motion_under_way_must_end_within_its_bound_while_others_may_follow():
+    cut, late = (0.6, 0.2, 0.0), (1.2, 0.2, 0.0)
+    for fault in ("odom_slip", "base_pushed", "scan_burst_loss"):
+        found = judged(drive(cut, PAUSE, STEP), fault, outcome="")
+        assert (found.reaction, found.stop_s) == (Reaction.DEGRADE, pytest.approx(0.4))
+        assert found.as_expected
+        assert not judged(drive(late, PAUSE, cut), fault, outcome="").as_expected
+
+
+def test_a_ride_after_the_fault_was_mended_is_none_through_it():
+    truth = drive((1.0, 0.0, 0.0), STEP, PAUSE, STEP)
+    run = Run(truth, 10.0, 11.0, "", "", 0)
+    found = judge(run, cell("network_cut_1", Phase.WAITING))
+    assert (found.reaction, found.as_expected) == (Reaction.STOP, True)
 
 
 def test_who_moves_again_has_not_stopped():
@@ -159,32 +210,109 @@ def test_runs_that_are_written_are_not_made_again():
     tasks = fault_matrix.missing(config, [])
     assert len(tasks) == 12
     assert [EXPECTATIONS[t[0]].fault for t in tasks[-6:]] == ["policy_sigint"] * 6
-    rows = [{"fault": "odom_silent", "phase": "driving", "run": 1}]
+    driving = cell("odom_silent", Phase.DRIVING)
+    row = {"fault": "odom_silent", "phase": "driving", "run": 1, "terms": driving.terms}
+    rows = fault_matrix.today([{**row, "judge": JUDGE}])
     left = fault_matrix.missing(config, rows)
     assert sorted(set(tasks) - set(left)) == [
         (EXPECTATIONS.index(cell("odom_silent", Phase.DRIVING)), 1)
     ]
 
 
+def test_runs_judged_by_other_terms_are_made_again():
+    expected = cell("odom_silent", Phase.DRIVING)
+    row = {"fault": "odom_silent", "phase": "driving", "run": 1, "judge": JUDGE}
+    terms = json.loads(json.dumps(expected.terms))
+    assert fault_matrix.today([{**row, "terms": terms}])
+    assert not fault_matrix.today([row])
+    assert not fault_matrix.today([{**row, "terms": {**terms, "bound_s": 9.0}}])
+    assert not fault_matrix.today([{**row, "terms": terms, "judge": JUDGE - 1}])
+
+
+def test_attempts_that_failed_stand_beside_the_result(tmp_path, monkeypatch):
+    lab = _Lab(tmp_path, tmp_path)
+    monkeypatch.setattr(lab, "_open", lambda: None)
+    left = [GraphError("no odometry"), GraphError("no picture")]
+
+    def work(rig, places, task):
+        if left:
+            raise left.pop(0)
+        return {"task": task}, False
+
+    assert lab.do(work, 7) == {"task": 7, "attempts": 3, "failures": ["no odometry", "no picture"]}
+    left += [GraphError(f"failed {n}") for n in range(3)]
+    assert lab.do(work, 7) == "failed 2"
+
+
+def test_half_of_the_runs_that_must_stop_by_scan_are_made_before_a_wall():
+    places, world = find_places(), World(generate_room(*parse_room(ROOM)))
+    for number in range(8):
+        x, y, yaw = places.before_wall(2 * number + 1)
+        way = (math.cos(yaw), math.sin(yaw))
+        ends = [(x + d * way[0], y + d * way[1]) for d in (AHEAD_M - 0.05, AHEAD_M + 0.05)]
+        assert [world.sweep_free((x, y), end) for end in ends] == [True, False]
+    assert cell("scan_silent", Phase.DRIVING).before_wall
+    assert cell("lidar_hang", Phase.DRIVING).before_wall
+    assert not cell("scan_half_rate", Phase.DRIVING).before_wall
+    assert not cell("scan_silent", Phase.TURNING).before_wall
+
+
+def test_a_bundle_is_named_by_its_actions(tmp_path):
+    lists = {"Laptop": (Action.MoveAhead,)}
+    first = make_bundle(tmp_path, lists)
+    written = (first / "bundle.json").stat().st_mtime_ns
+    assert make_bundle(tmp_path, lists) == first
+    assert (first / "bundle.json").stat().st_mtime_ns == written
+    assert make_bundle(tmp_path, {"Laptop": (Action.RotateLeft,)}) != first
+
+
+def test_drives_that_fail_are_told_beside_the_figures(tmp_path, monkeypatch):
+    def results(work, tasks, *_):
+        motions = motion_error.errors(
+            drive(STEP, PAUSE, TURN), (Action.MoveAhead, Action.RotateLeft)
+        )
+        yield {"motions": motions, "failure": "", "attempts": 2, "failures": ["no scan"]}
+        yield {
+            "motions": [],
+            "failure": "the drive ended as aborted",
+            "attempts": 1,
+            "failures": [],
+        }
+
+    monkeypatch.setattr(motion_error, "results", results)
+    monkeypatch.setattr(motion_error, "make_bundle", lambda folder, lists: folder)
+    found = motion_error.measure(motion_error.MotionConfig(tmp_path, n=40))
+    assert found["drives"] == {"n": 2, "left_out": 1, "attempts": 3}
+    assert found["forward_cm"]["n"] == 1
+
+
+def test_the_commit_of_the_matrix_is_that_of_its_rows():
+    cells = [{"commits": ["abc1"]}, {"commits": ["abc1", "def2"]}]
+    assert bench._commit("matrix", {"fault_matrix": cells}) == "abc1, def2"
+
+
 def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
+    expected = cell("odom_silent", Phase.DRIVING)
     row = {
-        "fault": "odom_silent",
-        "phase": "driving",
-        "contacts": 0,
-        "message": "",
-        "commit": "ab1",
-    }
-    rows = [
-        {**row, "reaction": "stop", "stop_s": s, "as_expected": s < 0.5} for s in (0.4, 0.45, 0.6)
-    ]
+        "fault": "odom_silent", "phase": "driving", "contacts": 0, "message": "", "commit": "ab1",
+        "reaction": "stop", "last_motion": "cut short", "place": "wall", "attempts": 2,
+    }  # fmt: skip
+    rows = [{**row, "stop_s": s, "as_expected": s < 0.5} for s in (0.4, 0.45, 0.6)]
+    rows.append({**row, "stop_s": None, "as_expected": True, "last_motion": "finished"})
     (summary,) = matrix_report.summarise(rows)
     assert (summary["stop_s_min"], summary["stop_s_median"], summary["stop_s_max"]) == (
         0.4, 0.45, 0.6,
     )  # fmt: skip
-    assert (summary["as_expected"], summary["runs_as_expected"]) == (False, 2)
+    assert (summary["as_expected"], summary["runs_as_expected"]) == (False, 3)
+    assert summary["changed"] == expected.changed
     text = matrix_report.table([summary])
-    assert text.startswith("0 of 1 cells as expected, 3 runs, 0 contacts, at commit ab1.")
-    assert "| `odom_silent` | **stop 0.45, 0.60 of 0.57: 2 of 3 as expected, stop** |" in text
+    assert text.startswith(
+        "0 of 1 cells as expected, 4 runs (4 before a wall), 0 contacts, at commit ab1. "
+        "4 attempts did not come about"
+    )
+    assert "| `odom_silent` | **stop 0.45, 0.60 of 0.57: 3 of 4 as expected, stop** |" in text
+    (finished,) = matrix_report.summarise(rows[-1:])
+    assert "| stop: finished, none followed |" in matrix_report.table([finished])
     matrix_report.draw([summary], tmp_path / "matrix.png")
     assert (tmp_path / "matrix.png").stat().st_size > 5000
 
@@ -239,4 +367,5 @@ def test_one_cell_on_a_live_graph(tmp_path):
     assert json.loads(config.out.read_text()) == row
     assert (row["reaction"], row["outcome"], row["contacts"]) == ("stop", "aborted", 0)
     assert re.search("newest odometry is .* old", row["message"])
-    assert 0.2 < row["stop_s"] < 2.0
+    assert (row["attempts"], row["place"]) == (1, "open")
+    assert row["as_expected"], row
