@@ -13,6 +13,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
 
+from cfnav_ros.graph import GraphConfig  # noqa: E402
 from cfnav_ros.parameters import LidarParameters, PolicyParameters  # noqa: E402
 from cfnav_ros.policy_node import GUARD_PERIOD_S  # noqa: E402
 from cfnav_ros.processes import GraphError  # noqa: E402
@@ -354,6 +355,14 @@ def test_parts_that_were_measured_before_stay_on_the_page():
     found = {"motion_error": {"forward_cm": {"mean": 0.25}}, "measured": {"motion": about}}
     page = bench.page(found)
     assert "| motion_error | forward_cm mean 0.25 | `c` | 1234567 | 0.1 to 2.0, 2 cores |" in page
+
+
+def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
+    for camera, tilts in (("mast", None), ("preview", False)):
+        nodes = GraphConfig("kitchen:1", tmp_path, camera=camera).nodes
+        of = {name: parameters for _, name, parameters in nodes}
+        assert of["mock_turtlebot4"]["camera"] == camera
+        assert of["policy_node"].get("episode.has_tilt") is tilts
 
 
 # The real thing
