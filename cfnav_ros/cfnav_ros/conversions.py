@@ -131,6 +131,7 @@ def scan_from_message(message: LaserScan) -> Scan:
         message.range_min,
         message.range_max,
         message.header.frame_id,
+        message.scan_time,
     )
 
 

@@ -47,7 +47,7 @@ OTHERS = ("RotateLeft", "RotateRight", "MoveBack")
 class Estimate:
     """What one scan says about the next MoveAhead.
 
-    ``clearance`` is how far the footprint, ``margin`` included, can advance before contact, metres,
+    ``clearance`` is how far the footprint can advance and stay ``margin`` before contact, metres,
     at most the scanner's range and 0 when blind. ``known_fraction`` is the share of forward beams
     with a usable return. ``reason`` is one sentence unless the verdict is GOOD. ``unknown_arc`` is
     the longest forward arc without a return, degrees. ``others`` judges the motions of ``OTHERS``.
@@ -67,10 +67,12 @@ class SweptDisc:
     """Geometry and thresholds of the estimate; lengths in metres, angles in degrees.
 
     Sources: the mounting is the TurtleBot 4's URDF, the radius Nav2's ``robot_radius`` for it and
-    the hull of the built-in rooms. ``margin`` belongs to the published clearance, which guards a
-    motion under way, and not to the probability. An unknown arc of ``blind_arc_deg`` hides
-    something 0.2 m wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera
-    bracket stand at the bearings of ``mask_bearings_deg`` (turtlebot4_description).
+    the hull of the built-in rooms. ``margin`` is kept ahead by the published clearance, which
+    guards a motion under way; it makes the hull no wider, so that what the probability lets pass
+    aside does not stop the motion later. An unknown arc of ``blind_arc_deg`` hides something 0.2 m
+    wide at the hull's reach after one step. Tower posts (radius 6 mm) and camera bracket stand at
+    the bearings of ``mask_bearings_deg`` (turtlebot4_description); what returns there from within
+    ``radius`` is the robot itself.
     """
 
     mount_x: float = field(
@@ -87,7 +89,7 @@ class SweptDisc:
         default=0.175, metadata={"help": "hull of the robot, m", "min": 0.01, "max": 1.0}
     )
     margin: float = field(
-        default=0.01, metadata={"help": "added for the clearance, m", "min": 0.0, "max": 0.5}
+        default=0.01, metadata={"help": "kept ahead by the clearance, m", "min": 0.0, "max": 0.5}
     )
     step: float = field(
         default=STEP_M, metadata={"help": "length of MoveAhead, m", "min": 0.01, "max": 2.0}
@@ -167,7 +169,7 @@ def estimate_collision(
     if fault:
         return blind(fault)
     half_width = math.radians(disc.mask_half_width_deg)
-    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, before)
+    view = look(scan, mount or disc.mount, disc.mask_bearings, half_width, disc.radius, before)
     turn = _turn(view, disc, errors)
     others = (*(replace(turn, motion=name) for name in OTHERS[:2]), _back(view, scan, disc, errors))
     known, arc, returns = _quality(view, False, disc.sector_deg)
@@ -203,9 +205,10 @@ def _sweep(
     seen = seen_probability(turned, view.ranges, disc.radius, disc.step, errors)
     gaps = _arcs(view.unknown, back, math.pi / 2)
     hidden = hidden_probability(gaps, scanner, disc.radius, disc.step, errors)
-    way = free_way(turned, disc.radius + disc.margin).min(initial=limit)
-    unseen = errors.unseen_near if way < disc.step + errors.overhang else errors.unseen
-    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(way), 0.0)
+    beside = free_way(turned, disc.radius + errors.overhang_aside).min(initial=limit)
+    unseen = errors.unseen_near if beside < disc.step + errors.overhang else errors.unseen
+    clearance = free_way(turned, disc.radius).min(initial=limit) - disc.margin
+    return 1.0 - (1.0 - seen) * (1.0 - hidden) * (1.0 - unseen), max(float(clearance), 0.0)
 
 
 def _turn(view: View, disc: SweptDisc, errors: ErrorModel) -> OtherMotion:
@@ -275,7 +278,8 @@ def _arcs(gaps: np.ndarray, back: bool, half: float) -> np.ndarray:
         middle = wrap(middle - math.pi)
     if half >= math.pi:  # all round: nothing to cut off
         return np.array((middle - width / 2, middle + width / 2)).T
-    if width.max(initial=0.0) > math.pi:  # it may reach into the sector from the other side
+    # A wide gap, and any in a wide sector, may reach into it from the other side too.
+    if half > math.pi / 2 or width.max(initial=0.0) > math.pi:
         middle = np.concatenate([middle, middle - 2 * math.pi, middle + 2 * math.pi])
         width = np.tile(width, 3)
     begin, end = np.maximum(middle - width / 2, -half), np.minimum(middle + width / 2, half)

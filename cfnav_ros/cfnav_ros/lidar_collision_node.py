@@ -26,7 +26,7 @@ from cfnav_ros.lidar import Estimate, Verdict, blind
 from cfnav_ros.lidar_diagnostics import ScanStats
 from cfnav_ros.mounting import Mounting, told
 from cfnav_ros.parameters import LidarParameters, declare
-from cfnav_ros.scan_watch import ScanWatch
+from cfnav_ros.scan_watch import GRAPH_S, ScanWatch
 from cfnav_ros.stop_signal import StopSignal
 
 NAME = "lidar_collision_node"
@@ -69,6 +69,7 @@ class LidarCollisionNode(Node):
         self.create_timer(1.0 / parameters.stale_rate, self._on_silence)
         # On real time: node time may stand still, and who publishes has nothing to do with it.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(GRAPH_S, self._look_for_rivals, clock=steady)
         self.create_timer(1.0, self._on_second, clock=steady)
         self.get_logger().info(
             f"Judging {self.resolve_topic_name('scan')} -> {self._publisher.topic_name}; the "
@@ -114,9 +115,11 @@ class LidarCollisionNode(Node):
             self.destroy_subscription(self._tf)
             self._tf = None
 
-    def _on_second(self) -> None:
+    def _look_for_rivals(self) -> None:
         infos = self.get_publishers_info_by_topic(self.resolve_topic_name("scan"))
         self._watch.publishers([info.node_name for info in infos])
+
+    def _on_second(self) -> None:
         now = self.get_clock().now()
         values = self._stats.values(
             self._last, self._watch.age(now.nanoseconds * 1e-9), self._watch.source

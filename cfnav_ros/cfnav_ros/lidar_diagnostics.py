@@ -29,7 +29,7 @@ class ScanStats:
 
         Args:
             estimate: published last.
-            age: of the newest scan, seconds.
+            age: of the newest scan, seconds from the end of its turn.
             source: of the mounting.
         """
         return {

@@ -18,7 +18,8 @@ import numpy as np
 import tyro
 
 from cfnav_ros.bag_reader import BagError, read_scans, read_yaws
-from cfnav_ros.lidar import Scan, SweptDisc
+from cfnav_ros.lidar import SweptDisc
+from cfnav_ros.returns import Mount, Scan, beams, measured
 
 BIN_DEG = 0.5
 """Width of the bearings that are counted; a return of the A1 covers a degree."""
@@ -53,13 +54,14 @@ def turned(yaws: np.ndarray) -> float:
     return float(np.ptp(np.unwrap(yaws))) if len(yaws) else 0.0
 
 
-def own_sectors(scans: Sequence[Scan], turn: float, mount_yaw_deg: float) -> list[Sector]:
-    """Find the bearings that return nothing, or something below ``range_min``, throughout.
+def own_sectors(scans: Sequence[Scan], turn: float, mount: Mount, radius: float) -> list[Sector]:
+    """Find the bearings that return nothing, or something within the hull, throughout.
 
     Args:
         scans: recorded in open space while the robot turned.
         turn: how far it turned, radians.
-        mount_yaw_deg: yaw of the LiDAR on the robot, degrees.
+        mount: of the LiDAR on the robot.
+        radius: of the hull, metres.
 
     Returns:
         The sectors in the order of their bearings.
@@ -74,7 +76,7 @@ def own_sectors(scans: Sequence[Scan], turn: float, mount_yaw_deg: float) -> lis
             f"the robot turned by {math.degrees(turn):.0f} degrees, expected at least 360: without "
             "a whole turn a dark corner of the room looks like a part of the robot"
         )
-    sectors = [_sector(run) for run in _runs(_hidden(scans, mount_yaw_deg))]
+    sectors = [_sector(run) for run in _runs(_hidden(scans, mount, radius))]
     for sector in sectors:
         if 2 * sector.half_width > MAX_WIDTH_DEG:
             raise ValueError(
@@ -98,8 +100,8 @@ def parameter_lines(sectors: Sequence[Sector]) -> str:
     )
 
 
-def _hidden(scans: Sequence[Scan], mount_yaw_deg: float) -> np.ndarray:
-    """Whether a bearing hardly ever returned anything: bool [360 / BIN_DEG].
+def _hidden(scans: Sequence[Scan], mount: Mount, radius: float) -> np.ndarray:
+    """Whether a bearing hardly ever returned anything beyond the hull: bool [360 / BIN_DEG].
 
     A bearing between two beams, at which nobody looked, is as the beam before it.
     """
@@ -107,12 +109,10 @@ def _hidden(scans: Sequence[Scan], mount_yaw_deg: float) -> np.ndarray:
     looked, seen = np.zeros(bins, int), np.zeros(bins, int)
     for scan in scans:
         ranges = np.asarray(scan.ranges, np.float64)
-        angles = scan.angle_min + np.arange(ranges.size) * scan.angle_increment
-        index = np.floor((np.degrees(angles) + mount_yaw_deg) % 360.0 / BIN_DEG).astype(int) % bins
-        # Written so that NaN counts as nothing.
-        valid = (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        there = beams(ranges.size, scan.angle_min, scan.angle_increment, mount, (), 0.0, radius)
+        index = np.floor(np.degrees(there.bearing) % 360.0 / BIN_DEG).astype(int) % bins
         np.add.at(looked, index, 1)
-        np.add.at(seen, index, valid)
+        np.add.at(seen, index, measured(ranges, scan) & (ranges > there.hull))
     hidden = (looked > 0) & (seen <= MAX_SEEN * looked)
     # Twice around, so that the first bearings find their beam at the end of the circle.
     beam = np.where(np.tile(looked > 0, 2), np.arange(2 * bins), 0)
@@ -140,16 +140,23 @@ def _sector(run: tuple[int, int]) -> Sector:
 
 def learn(
     bag: Annotated[Path, tyro.conf.Positional],
-    mount_yaw_deg: float = SweptDisc().mount_yaw_deg,
+    mount_x: float = SweptDisc.mount_x,
+    mount_y: float = SweptDisc.mount_y,
+    mount_yaw_deg: float = SweptDisc.mount_yaw_deg,
+    radius: float = SweptDisc.radius,
 ) -> None:
     """Print the LiDAR's mask as lines for the parameter file.
 
     Args:
         bag: folder of a bag with scans and odometry of a robot that turns in open space.
+        mount_x: of the LiDAR on the robot, forward, metres.
+        mount_y: the same to the left.
         mount_yaw_deg: yaw of the LiDAR on the robot, degrees.
+        radius: of the hull, metres; what returns from within is the robot.
     """
+    mount = Mount(mount_x, mount_y, math.radians(mount_yaw_deg))
     try:
-        sectors = own_sectors(read_scans(bag), turned(read_yaws(bag)), mount_yaw_deg)
+        sectors = own_sectors(read_scans(bag), turned(read_yaws(bag)), mount, radius)
     except ValueError as error:
         raise BagError(f"{bag}: {error}") from None
     print(parameter_lines(sectors))

@@ -88,15 +88,16 @@ def told(mount: Mount) -> str:
 class OwnParts:
     """Looks for the robot's own posts where the mounting says that they stand.
 
-    They stand nearer than the scanner measures and hide what is behind them. When beams at the
-    middle of most of them keep returning, the scanner is turned against its mounting, or turns the
-    wrong way about its own axis, which swaps front and rear here. A scan with left and right
-    swapped goes unnoticed: the posts stand alike on both sides.
+    They stand nearer than the scanner measures, or within the hull, and hide what is behind them.
+    When beams at the middle of most of them keep returning from beyond the hull, the scanner is
+    turned against its mounting, or turns the wrong way about its own axis, which swaps front and
+    rear here. A scan with left and right swapped goes unnoticed: the posts stand alike on both
+    sides.
     """
 
-    def __init__(self, bearings: tuple[float, ...]) -> None:
-        """Know the bearings of the parts, radians in base_link."""
-        self._bearings = bearings
+    def __init__(self, bearings: tuple[float, ...], radius: float) -> None:
+        """Know the bearings of the parts, radians in base_link, and the hull's radius, metres."""
+        self._bearings, self._radius = bearings, radius
         self._through: deque[bool] = deque(maxlen=SEEN_THROUGH)
 
     def look(self, scan: Scan, mount: Mount) -> str:
@@ -104,10 +105,12 @@ class OwnParts:
         if not self._bearings:
             return ""
         ranges, half = np.asarray(scan.ranges), math.radians(CORE_DEG)
-        cores = beams(
-            ranges.size, scan.angle_min, scan.angle_increment, mount, self._bearings, half
-        ).parts
-        through = int((2 * (cores & measured(ranges, scan)).sum(1) > cores.sum(1)).sum())
+        there = beams(
+            ranges.size, scan.angle_min, scan.angle_increment, mount, self._bearings, half,
+            self._radius,
+        )  # fmt: skip
+        cores, beyond = there.parts, measured(ranges, scan) & (ranges > there.hull)
+        through = int((2 * (cores & beyond).sum(1) > cores.sum(1)).sum())
         self._through.append(2 * through > len(cores))
         if len(self._through) < SEEN_THROUGH or not all(self._through):
             return ""

@@ -76,7 +76,11 @@ class LidarParameters:
 
     stale: float = field(
         default=0.4,
-        metadata={"help": "age of a scan that is no sight, s", "min": 0.05, "max": 10.0},
+        metadata={
+            "help": "age, from its end, of a scan that is no sight, s",
+            "min": 0.05,
+            "max": 10.0,
+        },
     )
     stale_rate: float = field(
         default=10.0, metadata={"help": "BLIND per second while stale", "min": 1.0, "max": 100.0}

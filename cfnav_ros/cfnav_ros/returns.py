@@ -34,7 +34,8 @@ class Scan:
     """One turn of a planar laser scanner, in the fields and units of sensor_msgs/LaserScan.
 
     ``ranges`` is float32 [N], metres; beam i looks along ``angle_min + i * angle_increment``,
-    radians counter-clockwise in the scanner's frame ``frame``.
+    radians counter-clockwise in the scanner's frame ``frame``. ``scan_time`` is how long the turn
+    took, seconds, 0 when the driver does not say.
     """
 
     ranges: np.ndarray
@@ -44,6 +45,7 @@ class Scan:
     range_min: float
     range_max: float
     frame: str = ""
+    scan_time: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -68,12 +70,14 @@ class Beams:
         bearing: float64 [N], of every beam, radians in [-pi, pi).
         parts: bool [M, N], one row for each of the robot's own parts: the beam looks at it.
         masked: bool [N], the beam looks at any of them.
+        hull: float64 [N], metres along the beam to where it leaves the robot's hull.
         step: radians between two beams.
     """
 
     bearing: np.ndarray
     parts: np.ndarray
     masked: np.ndarray
+    hull: np.ndarray
     step: float
 
 
@@ -162,7 +166,13 @@ def distinct_returns(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 @lru_cache(maxsize=8)
 def beams(
-    size: int, angle_min: float, step: float, mount: Mount, parts: tuple[float, ...], half: float
+    size: int,
+    angle_min: float,
+    step: float,
+    mount: Mount,
+    parts: tuple[float, ...],
+    half: float,
+    radius: float,
 ) -> Beams:
     """Where beams look; most scans have the same, so it is worked out once.
 
@@ -173,13 +183,18 @@ def beams(
         mount: of the scanner.
         parts: bearings of the robot's own parts, radians.
         half: radians to each side of them.
+        radius: of the hull around base_link, metres.
     """
     bearing = mount.bearings(angle_min + np.arange(size) * step)
     masks = np.abs(wrap(bearing[None, :] - np.reshape(parts, (-1, 1)))) <= half
     masked = np.logical_or.reduce(masks, axis=0)
-    for shared in (bearing, masks, masked):
+    ahead, left = np.cos(bearing), np.sin(bearing)
+    aside = mount.x * left - mount.y * ahead
+    way_out = np.sqrt(np.maximum(radius**2 - aside**2, 0.0)) - mount.x * ahead - mount.y * left
+    hull = np.where(np.abs(aside) < radius, way_out, 0.0)
+    for shared in (bearing, masks, masked, hull):
         shared.flags.writeable = False
-    return Beams(bearing, masks, masked, abs(step))
+    return Beams(bearing, masks, masked, hull, abs(step))
 
 
 def look(
@@ -187,31 +202,38 @@ def look(
     mount: Mount,
     parts: tuple[float, ...],
     half_width: float,
+    radius: float,
     before: np.ndarray | None = None,
 ) -> View:
     """See a well-formed scan from base_link.
 
     The middle of three returns on one surface is averaged with its neighbours (1, 2, 1): the
     nearest of many noisy returns is always too near. A surface reaches half a return beyond its
-    last one: its border lies somewhere before the next beam. A lone return close by that the scan
-    before had not is left out.
+    last one: its border lies somewhere before the next beam. Left out are lone returns close by
+    that the scan before had not, and the robot's own parts: what returns from their bearings from
+    within the hull or nearer than the scanner measures.
 
     Args:
         scan: its fields make sense (``malformed``).
         mount: of the scanner.
         parts: bearings where the scanner sees the robot itself, radians.
         half_width: radians around each.
+        radius: of the hull around base_link, metres.
         before: ranges of the scan before, float32 [N]; None or of another size: unknown.
 
     Returns:
         What stands where. -inf counts as an obstacle at range_min, as REP-117 has it, and finite
-        ranges under range_min as obstacles where they are, unless they are the robot's own parts.
+        ranges under range_min as obstacles where they are.
     """
     ranges = np.asarray(scan.ranges, np.float64)
-    there = beams(ranges.size, scan.angle_min, scan.angle_increment, mount, parts, half_width)
+    there = beams(
+        ranges.size, scan.angle_min, scan.angle_increment, mount, parts, half_width, radius
+    )
     first, last, value = distinct_returns(ranges)
     good, near = measured(value, scan), too_near(value, scan)
-    near &= ~there.masked[(first + last) // 2]
+    middle = (first + last) // 2
+    own = there.masked[middle] & (near | (value <= there.hull[middle]))
+    good, near = good & ~own, near & ~own
     value, surface = _smooth(value, good)
     value = np.where(value == -np.inf, scan.range_min, value)
     begins, ends = np.concatenate((_BORDER, ~surface)), np.concatenate((~surface, _BORDER))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cfnav_ros.inputs import FUTURE_S
@@ -9,6 +11,13 @@ from cfnav_ros.lidar import Estimate, Scan, SweptDisc, blind, estimate_collision
 from cfnav_ros.mounting import Mounting, OwnParts
 from cfnav_ros.returns import malformed
 from cfnav_ros.sweep import ErrorModel
+
+GRAPH_S = 0.2
+"""How often to look at who publishes scans, real seconds: a rival is known within two scans."""
+
+LONGEST_TURN_S = 0.2
+"""The slowest of the supported scanners turns five times a second; a header that says more is not
+believed, so that it cannot make old scans young."""
 
 
 class ScanWatch:
@@ -24,7 +33,7 @@ class ScanWatch:
         """Watch for scans.
 
         Args:
-            stale: age from which a scan says nothing about now, seconds.
+            stale: age from which a scan says nothing about now, seconds from the end of its turn.
             frozen: how long ranges may stay the same to the last bit, seconds; 0: for ever.
             mounting: of the scanner.
             disc: geometry and thresholds of the estimate.
@@ -32,8 +41,9 @@ class ScanWatch:
         """
         self._stale, self._frozen, self._mounting = stale, frozen, mounting
         self._disc, self._errors = disc, errors
-        self._own_parts = OwnParts(disc.mask_bearings)
+        self._own_parts = OwnParts(disc.mask_bearings, disc.radius)
         self._newest: float | None = None
+        self._ended = -math.inf
         self._same = b""
         self._same_since = 0.0
         self._before: np.ndarray | None = None
@@ -54,14 +64,14 @@ class ScanWatch:
 
         Args:
             now: node time, seconds.
-            stamp: of the scan, seconds.
+            stamp: of the scan, the beginning of its turn, seconds.
             scan: its fields.
 
         Returns:
             (the estimate, whether the stamp can be trusted).
         """
         before, self._before = self._before, None
-        fault = self._untimely(now, stamp)
+        fault = self._untimely(now, stamp, scan)
         if fault:
             return blind(fault), False
         fault = self._rivals or malformed(scan) or self._unchanged(stamp, scan)
@@ -81,15 +91,14 @@ class ScanWatch:
         """The estimate to publish when no scan is fresh at node time now (seconds), else None."""
         if self._newest is None:
             return blind("No scan has arrived.")
-        if now - self._newest > self._stale:
-            return blind(f"The newest scan is {now - self._newest:.2f} s old.")
-        return None
+        fault = self._old(now)
+        return blind(fault) if fault else None
 
     def age(self, now: float) -> float:
-        """Of the newest scan at node time now, seconds; inf before the first."""
-        return float("inf") if self._newest is None else now - self._newest
+        """Of the newest scan at node time now, seconds from its end; inf before the first."""
+        return now - self._ended
 
-    def _untimely(self, now: float, stamp: float) -> str:
+    def _untimely(self, now: float, stamp: float, scan: Scan) -> str:
         if stamp > now + FUTURE_S:
             return f"The scan is stamped {stamp - now:.1f} s in the future."
         # A stamp further back than that is a clock that has started again.
@@ -97,9 +106,15 @@ class ScanWatch:
             how = "repeats" if stamp == self._newest else "is older than"
             return f"The scan's stamp {how} that of the scan before."
         self._newest = stamp
-        if now - stamp > self._stale:
-            return f"The newest scan is {now - stamp:.2f} s old."
-        return ""
+        # What has arrived has ended, whatever its stamp says.
+        self._ended = min(stamp + turn_time(scan), now)
+        return self._old(now)
+
+    def _old(self, now: float) -> str:
+        age = self.age(now)
+        if -FUTURE_S <= age <= self._stale:
+            return ""
+        return f"The newest scan is {age:.2f} s old."  # negative: the clock has stepped back
 
     def _unchanged(self, stamp: float, scan: Scan) -> str:
         ranges = np.asarray(scan.ranges).tobytes()
@@ -112,3 +127,9 @@ class ScanWatch:
             f"The scan's ranges have not changed in {stood:.1f} s: restart the LiDAR (a simulator "
             "without noise needs frozen:=0.0)."
         )
+
+
+def turn_time(scan: Scan) -> float:
+    """Seconds from a scan's stamp to the end of its turn; 0 when its driver does not say."""
+    taken = scan.scan_time
+    return min(max(taken, 0.0), LONGEST_TURN_S) if math.isfinite(taken) else 0.0

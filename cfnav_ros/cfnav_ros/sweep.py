@@ -39,8 +39,8 @@ class ErrorModel:
       width that the arc covers where its beams leave the swept area.
     - ``unseen`` is the share of motions, free as far as the plane of the scanner shows, that meet
       something above or below it (table tops, open drawers). Where the plane shows something
-      within ``overhang`` beyond the motion's end it is ``unseen_near``: what stands on the floor
-      reaches out further up.
+      within ``overhang`` beyond the motion's end, or ``overhang_aside`` beside the hull, it is
+      ``unseen_near``: what stands on the floor reaches out further up.
 
     p = 1 - (1 - p_seen) (1 - p_hidden) (1 - unseen). The formula is ours, the paper gives none.
 
@@ -88,6 +88,9 @@ class ErrorModel:
     )
     overhang: float = field(
         default=0.1, metadata={"help": "how far that reaches, m", "min": 0.0, "max": 1.0}
+    )
+    overhang_aside: float = field(
+        default=0.01, metadata={"help": "and to the sides, m", "min": 0.0, "max": 0.5}
     )
 
     def __post_init__(self) -> None:

@@ -97,12 +97,11 @@ def _room(
 def free_by_plane(found: Predicted) -> tuple[np.ndarray, np.ndarray]:
     """Motions that are free as far as the plane shows: bool [N] far from, bool [N] beside what is.
 
-    The model's own share for what the plane cannot show is taken out of each probability again.
+    Their probability is the model's own share for what the plane cannot show, and hardly more.
     """
-    beside = found.clearance < SweptDisc().step + NOMINAL.overhang
-    unseen = np.where(beside, NOMINAL.unseen_near, NOMINAL.unseen)
-    free = 1 - (1 - found.p) / (1 - unseen) < FREE
-    return free & ~beside, free & beside
+    more = [1 - (1 - found.p) / (1 - share) for share in (NOMINAL.unseen, NOMINAL.unseen_near)]
+    far, beside = ((part > -1e-9) & (part < FREE) for part in more)
+    return far, beside
 
 
 def unseen_shares(found: Predicted) -> dict[str, list[float]]:

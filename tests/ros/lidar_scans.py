@@ -7,6 +7,7 @@ import numpy as np
 from cfnav_ros.returns import Scan
 
 FRAME = "rplidar_link"
+TURN_S = 0.13
 POSTS_DEG = (58.3, -58.3, 111.7, -111.7, 180.0)
 
 
@@ -20,7 +21,8 @@ def scan_of(distance, returns=360, copies=3):
     increment = (angle_max - angle_min) / (count - 1)
     centres = angle_min + (np.arange(returns) * copies + (copies - 1) / 2) * increment
     values = np.array([distance(angle + math.pi / 2) for angle in centres], np.float32)
-    return Scan(np.repeat(values, copies), angle_min, angle_max, increment, 0.15, 12.0, FRAME)
+    ranges = np.repeat(values, copies)
+    return Scan(ranges, angle_min, angle_max, increment, 0.15, 12.0, FRAME, TURN_S)
 
 
 def wall_ahead(base_x, else_at=3.0):

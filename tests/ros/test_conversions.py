@@ -113,11 +113,13 @@ def test_stamps_keep_their_nanoseconds():
 
 def test_a_scan_keeps_its_infinities():
     message = LaserScan(angle_min=-1.0, angle_max=1.0, angle_increment=1.0, range_max=12.0)
+    message.scan_time = 0.125
     message.ranges = [1.0, math.inf, math.nan]
     scan = conversions.scan_from_message(over_the_wire(message))
     assert scan.ranges.dtype == np.float32
     assert np.array_equal(scan.ranges, np.array([1, np.inf, np.nan], np.float32), equal_nan=True)
     assert (scan.angle_min, scan.angle_max, scan.range_max) == (-1.0, 1.0, 12.0)
+    assert scan.scan_time == 0.125
     assert conversions.scan_from_message(LaserScan()).ranges.size == 0
 
 

@@ -9,6 +9,7 @@ from cfnav_ros.lidar import (
     Scan,
     SweptDisc,
     Verdict,
+    _arcs,
     estimate_collision,
 )
 from cfnav_ros.returns import Mount, distinct_returns
@@ -135,7 +136,38 @@ def test_a_chair_leg_off_centre_counts_where_the_disc_meets_it():
         return range0 if abs(bearing - bearing0) < math.radians(0.8) else room(bearing)
 
     estimate = estimate_collision(scan_of(leg))
-    assert estimate.clearance == pytest.approx(x - math.sqrt(REACH**2 - y**2), abs=0.01)
+    free = x - math.sqrt(DISC.radius**2 - y**2) - DISC.margin
+    assert estimate.clearance == pytest.approx(free, abs=0.01)
+
+
+def leg_at(x, y):
+    """A scan of a thin leg in base_link in the middle of a room."""
+    bearing0, range0 = math.atan2(y, x + 0.04), math.hypot(x + 0.04, y)
+
+    def leg(bearing):
+        return range0 if abs(bearing - bearing0) < math.radians(0.5) else room(bearing)
+
+    return scan_of(leg)
+
+
+@pytest.mark.parametrize("aside", [0.177, 0.180, 0.184])
+def test_a_leg_beside_the_way_leaves_it_free_for_probability_and_clearance_alike(aside):
+    estimate = estimate_collision(leg_at(0.2, aside + 0.003))  # a return is 3 mm wide there
+    assert estimate.probability < 0.2
+    assert estimate.clearance > 2.0
+
+
+def test_who_is_let_begin_is_not_stopped_by_the_same_view():
+    """What the veto passes, the clearance leaves a step for, but for the margin and the end."""
+    short = DISC.margin - NOMINAL.end_bias
+    passed = 0
+    for x in np.linspace(0.15, 0.5, 15):
+        for y in np.linspace(0.0, 0.2, 41):
+            estimate = estimate_collision(leg_at(x, y))
+            if estimate.probability < 0.5:
+                passed += 1
+                assert estimate.clearance > DISC.step - short - 0.001, (x, y)
+    assert passed > 100
 
 
 def test_only_what_is_ahead_matters():
@@ -208,6 +240,19 @@ def test_the_robots_own_posts_are_no_obstacle():
     assert estimate_collision(scan, unmasked).probability > 0.99
 
 
+def test_what_stands_on_the_hull_is_masked_and_what_stands_behind_it_is_not():
+    """By hand: at 20 degrees the hull ends sqrt(0.175^2 - 0.0137^2) + 0.0376 = 0.212 m away."""
+    mast = SweptDisc(mask_bearings_deg="20")
+    for at, free in ((0.16, True), (0.205, True), (0.22, False), (0.3, False)):
+        scan = replaced(scan_of(room), at, 17, 23)
+        estimate = estimate_collision(scan, mast)
+        assert estimate.verdict is Verdict.GOOD
+        assert (estimate.probability < NEAR) is free, at
+        assert (estimate.clearance > 2.0) is free, at
+        assert (others(scan, mast)["RotateLeft"].probability < 1e-6) is (free or at > 0.22)
+        assert estimate_collision(scan).probability > 0.99
+
+
 @pytest.mark.parametrize(("returns", "copies"), [(360, 1), (1034, 1), (360, 3), (1080, 3)])
 def test_the_number_of_ranges_may_change(returns, copies):
     estimate = estimate_collision(scan_of(wall_ahead(0.6), returns, copies))
@@ -278,8 +323,8 @@ def test_bad_settings_are_refused_with_a_sentence():
 # Other motions
 
 
-def others(scan):
-    return {other.motion: other for other in estimate_collision(scan).others}
+def others(scan, disc=DISC):
+    return {other.motion: other for other in estimate_collision(scan, disc).others}
 
 
 def test_a_turn_touches_only_what_the_hull_touches():
@@ -333,6 +378,19 @@ def test_an_arc_behind_counts_whole_for_a_turn():
         no_parts = estimate_collision(scan, SweptDisc(mask_bearings_deg=""))
         assert no_parts.others[0].verdict is verdict, width
         assert no_parts.verdict is Verdict.GOOD
+
+
+@pytest.mark.parametrize("centre", [170, -170, 180, 10])
+@pytest.mark.parametrize("back", [False, True])
+def test_an_arc_across_the_end_of_a_wide_sector_counts_on_both_sides(centre, back):
+    """By hand: 50 degrees wide in a sector of 170 to each side, 20 of the turn are left out."""
+    gaps = np.radians([[centre, 50.0]])
+    found = np.degrees(_arcs(gaps, back, math.radians(170)))
+    middle = centre - 180 if back else centre
+    turns = [(middle - 25 + turn, middle + 25 + turn) for turn in (-360, 0, 360)]
+    inside = [(max(low, -170), min(high, 170)) for low, high in turns]
+    expected = sorted(arc for arc in inside if arc[1] > arc[0])
+    assert sorted(map(tuple, found)) == [pytest.approx(arc) for arc in expected]
 
 
 def test_a_scan_that_does_not_reach_round_leaves_the_rest_unknown():

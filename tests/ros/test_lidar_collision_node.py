@@ -12,6 +12,7 @@ from array import array
 import numpy as np
 import pytest
 from cfnav_ros.lidar import OTHERS, estimate_collision
+from cfnav_ros.scan_watch import GRAPH_S
 
 pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
@@ -26,7 +27,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import LaserScan  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
-from tests.ros.lidar_scans import behind_posts, noisy, scan_of, wall_ahead  # noqa: E402
+from tests.ros.lidar_scans import TURN_S, behind_posts, noisy, scan_of, wall_ahead  # noqa: E402
 
 DEADLINE_S = 60.0
 
@@ -65,7 +66,7 @@ class Lidar:
         message.header.stamp = stamp or self.node.get_clock().now().to_msg()
         message.header.frame_id = scan.frame
         message.angle_min, message.angle_max = scan.angle_min, scan.angle_max
-        message.angle_increment = scan.angle_increment
+        message.angle_increment, message.scan_time = scan.angle_increment, scan.scan_time
         message.ranges = array("f", scan.ranges.astype(np.float32).tobytes())
         self.scans.publish(message)
         return message.header.stamp
@@ -203,10 +204,15 @@ def test_who_publishes_and_from_which_frame(graph):
     answer = lidar.ask(stray)
     assert answer.verdict == CollisionEstimate.BLIND
     assert "from frame 'oakd_link'" in answer.reason
-    rival = lidar.node.create_publisher(LaserScan, "scan", 10)
-    blind(lidar, "2 nodes publish scans")
-    lidar.node.destroy_publisher(rival)
-    lidar.wait(lambda: lidar.ask(live()).verdict == CollisionEstimate.GOOD, "one again")
+    trusted = []
+    for _ in range(4):
+        rival, since = lidar.node.create_publisher(LaserScan, "scan", 10), time.monotonic()
+        blind(lidar, "2 nodes publish scans")
+        trusted.append(time.monotonic() - since)
+        lidar.node.destroy_publisher(rival)
+        lidar.wait(lambda: lidar.ask(live()).verdict == CollisionEstimate.GOOD, "one again")
+    # From the second on a rival comes right after a look; a busy machine is late, but not always.
+    assert min(trusted[1:]) < GRAPH_S + TURN_S
 
 
 def test_a_repeated_stamp_is_told_at_once_and_stamped_now(graph):

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from cfnav_ros.lidar import Scan, SweptDisc
+from cfnav_ros.lidar import SweptDisc
 from cfnav_ros.lidar_mask import Sector, own_sectors, parameter_lines, turned
+from cfnav_ros.returns import Mount, Scan
 from sim_bridge.noise import Noise, NoiseLevels
 from sim_bridge.room import generate_room
 from sim_bridge.rplidar import (
@@ -28,6 +29,8 @@ from sim_bridge.world import World
 
 TURN = np.linspace(0.0, 2.2 * math.pi, 60)
 SECOND = 1_000_000_000
+DISC = SweptDisc()
+CENTRE = Mount(0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +79,7 @@ def write(bag: object, scans: list[Scan], yaws: np.ndarray) -> None:
 
 
 def test_posts_and_bracket_are_found(scans: list[Scan]) -> None:
-    sectors = own_sectors(scans, turned(TURN), 90.0)
+    sectors = own_sectors(scans, turned(TURN), DISC.mount, DISC.radius)
     found = sorted(sector.bearing % 360 for sector in sectors)
     true = sorted(bearing % 360 for bearing, _ in BLIND_SECTORS_DEG)
     assert found == pytest.approx(true, abs=1.0)
@@ -112,31 +115,39 @@ def test_a_robot_that_did_not_turn_tells_nothing(
 
 def test_too_few_scans_or_a_covered_lidar_are_told(scans: list[Scan]) -> None:
     with pytest.raises(ValueError, match="there are 3 scans"):
-        own_sectors(scans[:3], 7.0, 90.0)
+        own_sectors(scans[:3], 7.0, DISC.mount, DISC.radius)
     dark = [replace(scan, ranges=np.full(BINS, np.inf, np.float32)) for scan in scans]
     with pytest.raises(ValueError, match="360 degrees around bearing"):
-        own_sectors(dark, 7.0, 90.0)
+        own_sectors(dark, 7.0, DISC.mount, DISC.radius)
 
 
-def plain(hidden_deg: tuple[int, ...], ghosts: float = 0.0) -> list[Scan]:
+def plain(hidden_deg: tuple[int, ...], ghosts: float = 0.0, part: float = 0.1) -> list[Scan]:
     """Scans of 360 beams at whole degrees, 2 m all around but for some bearings."""
     generator = np.random.default_rng(1)
     made = []
     for _ in range(100):
         ranges = np.full(360, 2.0, np.float32)
         hide = np.array(hidden_deg)
-        ranges[hide] = np.where(generator.random(hide.size) < ghosts, 0.2, 0.1)
+        ranges[hide] = np.where(generator.random(hide.size) < ghosts, 0.2, part)
         made.append(Scan(ranges, 0.0, math.radians(359), math.radians(1), 0.15, 12.0))
     return made
 
 
 def test_a_part_in_front_is_one_sector_and_ghosts_do_not_hide_it() -> None:
-    (sector,) = own_sectors(plain((358, 359, 0, 1), ghosts=0.02), 7.0, 0.0)
+    (sector,) = own_sectors(plain((358, 359, 0, 1), ghosts=0.02), 7.0, CENTRE, DISC.radius)
     assert sector == Sector(pytest.approx(-0.25, abs=0.5), pytest.approx(1.75, abs=0.5))
 
 
+@pytest.mark.parametrize(("part", "parts"), [(0.16, 1), (0.17, 1), (0.18, 0)])
+def test_a_part_that_returns_from_within_the_hull_is_found(part: float, parts: int) -> None:
+    scans = plain((20, 21, 22, 23), part=part)
+    assert len(own_sectors(scans, 7.0, CENTRE, DISC.radius)) == parts
+    # A LiDAR 0.04 m behind the middle sees the hull end at 0.21 m there.
+    assert len(own_sectors(scans, 7.0, Mount(-0.04, 0.0, 0.0), DISC.radius)) == 1
+
+
 def test_a_robot_without_parts_in_the_way_has_an_empty_mask() -> None:
-    assert own_sectors(plain((90,)), 7.0, 0.0) == []
+    assert own_sectors(plain((90,)), 7.0, CENTRE, DISC.radius) == []
     disc = SweptDisc(**yaml.safe_load(parameter_lines([]))["disc"])
     assert len(disc.mask_bearings) == 0
 

@@ -36,8 +36,8 @@ def stream(count, base=SCAN, seed=0):
 def test_a_fresh_scan_is_judged():
     watch, _ = watch_of()
     assert watch.scan(10.1, 10.0, SCAN) == (estimate_collision(SCAN), True)
-    assert watch.silence(10.35) is None
-    assert watch.age(10.35) == pytest.approx(0.35)
+    assert watch.silence(10.45) is None
+    assert watch.age(10.45) == pytest.approx(0.35)  # of what had ended when it arrived
 
 
 def test_a_stream_of_good_scans_stays_good():
@@ -45,12 +45,35 @@ def test_a_stream_of_good_scans_stays_good():
     assert {e.verdict for e in drive(watch, stream(100))} == {Verdict.GOOD}
 
 
-@pytest.mark.parametrize(("lost", "seen"), [(0, True), (1, True), (2, False)])
-def test_one_lost_scan_is_bridged_and_two_are_blind(lost, seen):
+@pytest.mark.parametrize(("lost", "seen"), [(0, True), (1, True), (2, True), (3, False)])
+@pytest.mark.parametrize("late", [0.0, 0.009])
+def test_two_lost_scans_are_bridged_and_three_are_blind(lost, seen, late):
+    """The stamp is the beginning of a turn, the age counts from its end."""
     watch, _ = watch_of()
     watch.scan(10.0 + PERIOD_S, 10.0, SCAN)
-    next_one = 10.0 + PERIOD_S * (2 + lost)
+    next_one = 10.0 + PERIOD_S * (2 + lost) + late
     assert (watch.silence(next_one) is None) is seen
+
+
+@pytest.mark.parametrize(
+    ("taken", "from_stamp"),
+    [(0.13, 0.53), (0.0, 0.4), (-1.0, 0.4), (math.nan, 0.4), (math.inf, 0.4), (5.0, 0.6)],
+)
+def test_only_a_sensible_scan_time_makes_a_scan_younger(taken, from_stamp):
+    scan = dataclasses.replace(SCAN, scan_time=taken)
+    for age, fresh in ((from_stamp - 0.01, True), (from_stamp + 0.01, False)):
+        watch, _ = watch_of()
+        estimate, timely = watch.scan(10.0 + age, 10.0, scan)
+        assert (estimate.verdict is Verdict.GOOD, timely) == (fresh, fresh)
+
+
+@pytest.mark.parametrize("stamp", [10.0, 10.3])
+def test_a_scan_ended_at_the_latest_when_it_arrived(stamp):
+    """Neither its scan_time nor a stamp ahead of node time keeps the robot seeing for longer."""
+    watch, _ = watch_of()
+    watch.scan(10.0, stamp, SCAN)
+    assert watch.silence(10.39) is None
+    assert watch.silence(10.41) is not None
 
 
 def test_silence_is_blind():
@@ -64,7 +87,7 @@ def test_silence_is_blind():
     assert watch.silence(10.7) is None
 
 
-@pytest.mark.parametrize("late", [0.5, 1.0, 5.0, 1e6])
+@pytest.mark.parametrize("late", [0.54, 1.0, 5.0, 1e6])
 def test_a_late_scan_is_blind(late):
     estimate, timely = watch_of()[0].scan(1e6, 1e6 - late, SCAN)
     assert (estimate.verdict, timely) == (Verdict.BLIND, False)
@@ -90,6 +113,7 @@ def test_a_stamp_that_does_not_go_on_is_blind_at_once(stamp, word):
 def test_a_clock_that_starts_again_is_followed():
     watch, _ = watch_of()
     watch.scan(100.0, 100.0, SCAN)
+    assert watch.silence(1.0).reason == "The newest scan is -99.00 s old."
     assert watch.scan(1.0, 1.0, SCAN)[0].verdict is Verdict.GOOD
 
 
@@ -204,7 +228,7 @@ def test_a_turned_scanner_is_found_by_the_robots_own_posts():
 
 @pytest.mark.parametrize("turned_deg", [10, 30, 90, 150, -45, 180])
 def test_every_turn_beyond_a_posts_width_is_found(turned_deg):
-    parts = OwnParts(DISC.mask_bearings)
+    parts = OwnParts(DISC.mask_bearings, DISC.radius)
     turned = behind_posts(scan_of(room), turned_deg)
     sentences = [parts.look(scan, DISC.mount) for scan in stream(SEEN_THROUGH, turned)]
     assert bool(sentences[-1])
@@ -213,7 +237,7 @@ def test_every_turn_beyond_a_posts_width_is_found(turned_deg):
 
 def test_a_scanner_that_turns_the_wrong_way_is_found():
     """Mirrored about the laser's own axis, which points left: front and rear are swapped."""
-    parts = OwnParts(DISC.mask_bearings)
+    parts = OwnParts(DISC.mask_bearings, DISC.radius)
     for scan in stream(SEEN_THROUGH):
         mirrored = dataclasses.replace(scan, ranges=np.roll(scan.ranges[::-1], -3))
         sentence = parts.look(mirrored, DISC.mount)
@@ -221,7 +245,7 @@ def test_a_scanner_that_turns_the_wrong_way_is_found():
 
 
 def test_a_few_ghosts_behind_posts_are_no_turn():
-    parts, rng = OwnParts(DISC.mask_bearings), np.random.default_rng(3)
+    parts, rng = OwnParts(DISC.mask_bearings, DISC.radius), np.random.default_rng(3)
     for scan in stream(200):
         ranges = scan.ranges.copy()
         ghost = np.repeat(rng.random(360) < 0.2, 3) & np.isinf(ranges)
@@ -229,6 +253,15 @@ def test_a_few_ghosts_behind_posts_are_no_turn():
         assert parts.look(dataclasses.replace(scan, ranges=ranges), DISC.mount) == ""
 
 
+def test_parts_that_return_from_within_the_hull_are_not_seen_through():
+    """By hand: 0.17 m from the LiDAR no post's bearing has left the hull, 0.25 m all have."""
+    for at, fault in ((0.17, False), (0.25, True)):
+        parts = OwnParts((math.radians(58.3), math.radians(-58.3)), DISC.radius)
+        mast = replaced(replaced(scan_of(room), at, 54, 62), at, -62, -54)
+        sentences = [parts.look(scan, DISC.mount) for scan in stream(SEEN_THROUGH, mast)]
+        assert bool(sentences[-1]) is fault
+
+
 def test_a_robot_without_parts_has_none_to_look_for():
-    parts = OwnParts(SweptDisc(mask_bearings_deg="").mask_bearings)
+    parts = OwnParts((), DISC.radius)
     assert not any(parts.look(scan, DISC.mount) for scan in stream(30, scan_of(room)))
