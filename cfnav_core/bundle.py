@@ -3,7 +3,7 @@
 The networks are ONNX files, which is all that a robot opens. ``weights.safetensors`` is the
 checkpoint that they were made from, without its optimizer's state: torch reads it, and the ONNX
 files of policy and predictor refer to it instead of holding the same numbers again. Nothing in a
-bundle is executable; every file's SHA-256 stands in ``bundle.json``.
+bundle is executable; the SHA-256 of every file that is read stands in ``bundle.json``.
 """
 
 from __future__ import annotations
@@ -20,6 +20,13 @@ READABLE = (2, SCHEMA)
 
 NETWORKS = ("perception.onnx", "policy.onnx", "predictor.onnx")
 WEIGHTS = "weights.safetensors"
+
+REMEDY = "export it again with cfnav export, or use the shipped bundle"
+
+_REFERS = b"\x0a\x08location"
+_TO_WEIGHTS = _REFERS + b"\x12" + bytes([len(WEIGHTS)]) + WEIGHTS.encode()
+"""How an ONNX file names another that holds numbers of it, ``TensorProto.external_data`` in
+protobuf: a robot has no onnx, and ONNX Runtime does not tell which files it opens."""
 
 
 class BundleError(ValueError):
@@ -67,30 +74,45 @@ class BundleHead:
         """Read ``bundle.json`` and check every file against its hash.
 
         Raises:
-            BundleError: missing, damaged, or of another schema.
+            BundleError: missing, damaged, of another schema, or with a network that takes numbers
+                from a file without a hash.
         """
-        remedy = "export it again with cfnav export, or use the shipped bundle"
         try:
             raw = json.loads((folder / "bundle.json").read_text())
             schema = raw.pop("schema")
             head = cls(**{**raw, **{key: tuple(raw[key]) for key in ("objects", "goals")}})
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
             raise BundleError(
-                f"found no readable bundle in {folder} ({error}); {remedy}"
+                f"found no readable bundle in {folder} ({error}); {REMEDY}"
             ) from error
         if schema not in READABLE:
             raise BundleError(
-                f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {remedy}"
+                f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {REMEDY}"
             )
-        for name in (*NETWORKS, WEIGHTS) if WEIGHTS in head.files else NETWORKS:
-            path = folder / name
-            found = file_hash(path) if path.is_file() else "nothing"
-            if found != head.files.get(name):
-                raise BundleError(
-                    f"found {name} in {folder} with hash {found[:12]}, expected "
-                    f"{str(head.files.get(name))[:12]}; the bundle is damaged: {remedy}"
-                )
+        hashed = (*NETWORKS, WEIGHTS) if schema >= SCHEMA or WEIGHTS in head.files else NETWORKS
+        for name in hashed:
+            _check_hash(folder / name, head.files.get(name))
+        for name in NETWORKS:
+            _check_references(folder / name, WEIGHTS in hashed)
         return head
+
+
+def _check_hash(path: Path, expected: str | None) -> None:
+    found = file_hash(path) if path.is_file() else "nothing"
+    if found != expected:
+        raise BundleError(
+            f"found {path.name} in {path.parent} with hash {found[:12]}, expected "
+            f"{str(expected)[:12]}; the bundle is damaged: {REMEDY}"
+        )
+
+
+def _check_references(network: Path, has_weights: bool) -> None:
+    content = network.read_bytes()
+    if content.count(_REFERS) > has_weights * content.count(_TO_WEIGHTS):
+        raise BundleError(
+            f"found {network.name} in {network.parent} that takes numbers from a file without a "
+            f"hash, expected from {WEIGHTS} alone; {REMEDY}"
+        )
 
 
 def file_hash(path: Path) -> str:

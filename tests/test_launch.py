@@ -276,6 +276,7 @@ def test_a_replay_commands_nobody(launch: Callable) -> None:
         *("evaluation.launch.py", "mode:=replay", "bag:=drive", "namespace:=robot1"),
         "params:=turtlebot4_stock.yaml",
         ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET",
+        ROS_STATIC_PEERS="10.0.0.2",
     )
     player, lidar = run.start("ros2"), run.start("lidar_collision_node")
     words = player["arguments"]
@@ -287,7 +288,21 @@ def test_a_replay_commands_nobody(launch: Callable) -> None:
     assert parameters(lidar, "lidar_collision_node")["use_sim_time"] is True
     for start in (player, lidar):
         assert start["environment"]["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+        assert start["environment"]["ROS_DOMAIN_ID"] == "99"
+        assert "ROS_STATIC_PEERS" not in start["environment"]
     assert not run.starts("policy_node")
+
+
+@pytest.mark.parametrize("domain", ["7", "elsewhere", "233"])
+def test_a_replay_in_the_domain_of_the_shell_is_refused(launch: Callable, domain: str) -> None:
+    run = launch(
+        *("evaluation.launch.py", "mode:=replay", "bag:=drive", f"domain:={domain}"),
+        "params:=turtlebot4_stock.yaml",
+        ROS_DOMAIN_ID="7",
+    )
+    assert run.process.wait() == 1
+    assert f"domain is '{domain}', expected 0 to 101 but not 7" in run.process.output
+    assert not run.starts("ros2")
 
 
 def test_the_player_knows_these_options() -> None:

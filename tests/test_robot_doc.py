@@ -13,10 +13,14 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
-from cfnav_ros.lidar import SweptDisc
+from cfnav_ros.lidar import SweptDisc, estimate_collision
+from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.motion import Motion, MotionLimits, Odometry, Status
 
+from cfnav_core.actions import Action
 from cfnav_ros import bringup
 from tests.conftest import ROOT
+from tests.ros.lidar_scans import scan_of, wall_ahead
 
 DOC = ROOT / "docs/robot.md"
 TEXT = DOC.read_text()
@@ -118,3 +122,41 @@ def test_every_link_leads_somewhere() -> None:
             assert target[1:] in anchors, target
         else:
             assert (DOC.parent / target).exists(), target
+
+
+FIRST_DRIVE = TEXT.partition("## The first drive")[2].partition("\n## ")[0]
+BODY_RADIUS = 0.171
+"""m from the middle to the bumper: 342 mm long (TurtleBot 4 user manual, features)."""
+
+
+def test_the_board_of_the_first_drive_is_vetoed_where_the_page_says_so() -> None:
+    near = float(re.search(r"([\d.]+) m before the bumper", FIRST_DRIVE)[1])
+    says = float(re.search(r"must say ([\d.]+)", FIRST_DRIVE)[1])
+    far = float(re.search(r"A board ([\d.]+) m away", FIRST_DRIVE)[1])
+    estimate, free = (
+        estimate_collision(scan_of(wall_ahead(BODY_RADIUS + gap)), SweptDisc())
+        for gap in (near, far)
+    )
+    assert estimate.probability >= EpisodeLimits().veto_probability > free.probability
+    assert abs(estimate.clearance - says) < 0.02
+
+
+def finish(limits: MotionLimits, action: Action) -> Status:
+    """How a motion ends on a carpet: the base makes nine tenths of what is asked of it."""
+    t, pose = 0.0, Odometry(0.0, 0.0, 0.0, 0.0)
+    motion, status = Motion(action, t, pose, 0.0, limits), Status.DRIVING
+    while status is Status.DRIVING:
+        command, status = motion.update(t, pose)
+        t += 0.05
+        pose = Odometry(t, pose.x + 0.045 * command.v, 0.0, pose.yaw + 0.045 * command.w)
+    return status
+
+
+def test_motions_finish_at_the_speeds_of_the_first_drive() -> None:
+    brakes, step = re.findall(r"^[23]\. .*$", FIRST_DRIVE, re.MULTILINE)
+    for text in (brakes, step):
+        told = re.findall(r"`episode\.motion\.(\w+): ([\d.]+)`", text)
+        limits = MotionLimits(**{name: float(value) for name, value in told})
+        assert limits.v_max < MotionLimits().v_max
+        for action in (Action.MoveAhead, Action.RotateLeft):
+            assert finish(limits, action) is Status.SUCCEEDED, (told, action)

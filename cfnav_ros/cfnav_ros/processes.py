@@ -14,6 +14,10 @@ from pathlib import Path
 _LIBC = ctypes.CDLL(None)  # here, as nothing may be loaded between fork and exec
 _PR_SET_PDEATHSIG = 1
 
+ENDS_WITH_PARENT = "setpriv --pdeathsig INT"
+"""What starts a program so that it is interrupted when its parent dies, even by SIGKILL: for the
+nodes of a launch, which does not end them then. A ``Child`` ends so by itself."""
+
 _ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
 """Settings of the surroundings that could reach beyond this machine."""
 
@@ -89,11 +93,17 @@ def node_command(package: str, executable: str) -> list[str]:
     return [sys.executable, "-m", f"{package}.{executable}"]
 
 
-def keep_local(environment: MutableMapping[str, str], logs: Path) -> None:
-    """Change an environment so that its graph stays on this machine and its pictures whole."""
+def keep_local(environment: MutableMapping[str, str], logs: Path | None = None) -> None:
+    """Change an environment so that its graph stays on this machine and its pictures whole.
+
+    Args:
+        environment: of the nodes.
+        logs: folder for their logs; where it was when None.
+    """
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(files("cfnav_ros") / "config/fastdds.xml")
-    environment["ROS_LOG_DIR"] = str(logs / "ros")
+    if logs is not None:
+        environment["ROS_LOG_DIR"] = str(logs / "ros")
     for name in _ELSEWHERE:
         environment.pop(name, None)
 

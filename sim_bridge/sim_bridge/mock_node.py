@@ -21,6 +21,7 @@ from sim_bridge.broadcast_node import Broadcast
 from sim_bridge.fault_schedule import FaultSchedule, Order, read_schedule
 from sim_bridge.faults import COMMANDS, ODOM, SCAN
 from sim_bridge.lock_step import MOMENT_PERIOD, LockStep
+from sim_bridge.own_motions import Undock
 from sim_bridge.pacing import MAX_LAG_S, Every, Pacer
 from sim_bridge.parameters import read_parameters
 from sim_bridge.robot_clock import RobotClock
@@ -65,7 +66,7 @@ class Mock:
         self._faults = FaultSchedule(read_schedule(p.faults) if p.faults else (), p.seed)
         self._suffered: frozenset[str] = frozenset()
         self._clock = RobotClock()
-        self._undocking: ServerGoalHandle | None = None
+        self._undocking: tuple[ServerGoalHandle, Undock] | None = None
         self._stage = Stage(p)
         self._simulator = self._stage.simulator
         self._out = Broadcast(
@@ -203,15 +204,18 @@ class Mock:
         """Begin to leave the dock; a robot that is not on it, or is busy, refuses."""
         docked = self._simulator.docked
         if self._simulator.busy or not docked:
-            goal.execute(partial(settle_undock, left=False, docked=docked))
+            goal.execute(partial(settle_undock, done=False, docked=docked))
             return
-        self._undocking = goal
-        self._simulator.undock()
+        self._undocking = goal, self._simulator.undock()
 
     def _end_undocking(self) -> None:
-        if self._undocking is not None and not self._simulator.busy:
+        """Answer the goal of an undocking that is over: made, given up, or cut short."""
+        if self._undocking is None:
+            return
+        goal, undock = self._undocking
+        if self._simulator.own is not undock:
             docked = self._simulator.docked
-            self._undocking.execute(partial(settle_undock, left=not docked, docked=docked))
+            goal.execute(partial(settle_undock, done=undock.done and not docked, docked=docked))
             self._undocking = None
 
     def _start_episode(self, request: Any, response: Any) -> Any:

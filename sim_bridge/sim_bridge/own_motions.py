@@ -22,6 +22,10 @@ UNDOCK_TURN, UNDOCK_RATE = math.pi, 1.0
 """m, m/s, rad and rad/s of leaving the dock: backward, then around (create3_docs). The numbers are
 assumed."""
 
+UNDOCK_S = 15.0
+"""s after which a base that has not left its dock and turned gives up; unhindered it takes half of
+it. Assumed."""
+
 BACKUP_M = 0.15
 BACKUP_LOW_M = 0.05
 """m that commands may drive backward after driving forward as much, and what is left of it when
@@ -82,16 +86,27 @@ class Undock:
     """Back off the dock, then turn around."""
 
     def __init__(self) -> None:
-        self._driven = self._turned = 0.0
+        self._driven = self._turned = self._spent = 0.0
+        self.done = False
+        """Whether it was carried out to its end."""
+
+    @property
+    def left(self) -> bool:
+        """Whether the robot has left the dock."""
+        return self._driven >= UNDOCK_M
 
     def update(
         self, dt: float, forward: float, turn: float, pressed: bool
     ) -> tuple[float, float] | None:
         """Go on; arguments and result as in ``BackOff.update``."""
-        if self._driven < UNDOCK_M:
+        self._spent += dt
+        if self._spent > UNDOCK_S:
+            return None
+        if not self.left:
             self._driven -= forward
             return UNDOCK_SPEED, 0.0
         self._turned += turn
-        left = UNDOCK_TURN - self._turned
+        to_go = UNDOCK_TURN - self._turned
+        self.done = to_go < 0.01
         # Rate in proportion to what is left, so that it arrives and does not shoot past.
-        return None if left < 0.01 else (0.0, min(UNDOCK_RATE, max(0.1, 2.0 * left)))
+        return None if self.done else (0.0, min(UNDOCK_RATE, max(0.1, 2.0 * to_go)))

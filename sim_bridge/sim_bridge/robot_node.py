@@ -162,15 +162,15 @@ class RobotNode(Node):
         self._on_velocity(twist.linear.x, twist.angular.z)
 
 
-def settle_undock(goal: ServerGoalHandle, left: bool, docked: bool) -> Undock.Result:
+def settle_undock(goal: ServerGoalHandle, done: bool, docked: bool) -> Undock.Result:
     """End an undock goal.
 
     Args:
         goal: of a client.
-        left: whether the robot has left its dock for it.
+        done: whether the robot has left its dock for it and turned.
         docked: whether it sits on its dock now.
     """
-    if left:
+    if done:
         goal.succeed()
     else:
         goal.abort()

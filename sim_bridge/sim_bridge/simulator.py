@@ -92,6 +92,11 @@ class Simulator:
         return self._backup.low
 
     @property
+    def own(self) -> BackOff | Undock | None:
+        """What the base does by itself."""
+        return self._own
+
+    @property
     def busy(self) -> bool:
         """Whether the base does something by itself and hears no command."""
         return self._own is not None or "base_busy" in self.trouble
@@ -100,9 +105,10 @@ class Simulator:
         """Let the robot sit on a dock where it is."""
         self._on_dock = True
 
-    def undock(self) -> None:
-        """Begin to leave the dock; ``busy`` until that is done."""
-        self._own = Undock()
+    def undock(self) -> Undock:
+        """Begin to leave the dock; it is over when ``own`` is another."""
+        self._own = undock = Undock()
+        return undock
 
     @property
     def motion(self) -> Motion:
@@ -234,11 +240,7 @@ class Simulator:
             Whether a new collision began.
         """
         before = self.world.pose
-        own = self._act()
-        if not self.wheels_enabled:
-            self.base.forget()
-            own = None
-        self._wheels = self.base.update(self.time, self.world.timestep, own)
+        self._wheels = self.base.update(self.time, self.world.timestep, self._act())
         self._drive(*self.noise.slip(*self._wheels))
         self.steps += 1
         forward, left, turn = _motion(before, self.world.pose)
@@ -259,6 +261,10 @@ class Simulator:
         """What the base does by itself now: m/s, rad/s; None when it obeys commands."""
         pressed = bool(self.pressed())
         began, self._was_pressed = pressed and not self._was_pressed, pressed
+        if not self.wheels_enabled:
+            self.base.forget()
+            self._end_own()  # nor does the base take it up when the power is back
+            return None
         if began and self._reflexes and self._own is None:
             self._own = BackOff()
         if self._own is None:
@@ -266,10 +272,13 @@ class Simulator:
         self.base.forget()
         wanted = self._own.update(self.world.timestep, *self._moved, pressed)
         if wanted is None:
-            if isinstance(self._own, Undock):
-                self._on_dock = False
-            self._own = None
+            self._end_own()
         return wanted
+
+    def _end_own(self) -> None:
+        if isinstance(self._own, Undock):
+            self._on_dock = not self._own.left
+        self._own = None
 
     def _drive(self, v: float, w: float) -> None:
         """Let the floor have what the wheels do, m/s and rad/s, or what is done to the robot."""

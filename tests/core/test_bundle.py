@@ -14,7 +14,7 @@ import torch
 
 from cfnav_core.actions import Action
 from cfnav_core.agent import new_agent
-from cfnav_core.bundle import BundleError, BundleHead
+from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleError, BundleHead, file_hash
 from cfnav_core.checkpoint import CheckpointError
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
 from cfnav_core.env import SceneBank
@@ -207,6 +207,33 @@ def test_damaged_bundle_says_what_to_do(made, tmp_path, damage):
         else:
             path.write_text(json.dumps(json.loads(path.read_text()) | {"schema": 99}))
     with pytest.raises(BundleError, match="cfnav export"):
+        Policy.load(folder)
+
+
+def change_head(folder: Path, **fields) -> None:
+    path = folder / "bundle.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+
+
+@pytest.mark.parametrize("kept", ["networks", "networks of schema 2", "weights unread"])
+def test_a_bundle_whose_weights_have_no_hash_is_refused(made, tmp_path, kept):
+    folder = tmp_path / "b"
+    shutil.copytree(made / "bundle", folder)
+    hashes = {name: file_hash(folder / name) for name in NETWORKS}
+    if kept == "networks":
+        change_head(folder, files=hashes)
+        words = "found weights.safetensors .* expected None"
+    elif kept == "networks of schema 2":
+        change_head(folder, files=hashes, schema=2)
+        words = "found policy.onnx .* takes numbers from a file without a hash"
+    else:
+        other = (folder / "policy.onnx").read_bytes().replace(b"weights.saf", b"another.saf")
+        (folder / "policy.onnx").write_bytes(other)
+        (folder / "another.safetensors").write_bytes((folder / WEIGHTS).read_bytes())
+        hashes |= {n: file_hash(folder / n) for n in ("policy.onnx", WEIGHTS)}
+        change_head(folder, files=hashes)
+        words = "found policy.onnx .* expected from weights.safetensors alone"
+    with pytest.raises(BundleError, match=words):
         Policy.load(folder)
 
 

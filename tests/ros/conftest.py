@@ -183,7 +183,7 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle of real networks, set by hand: MoveAhead six times whatever it sees, then Done."""
     torch = pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
     from cfnav_core.agent import new_agent
-    from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
+    from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleHead, file_hash
     from cfnav_core.config import ModelSize, RunConfig
     from cfnav_core.export import export_networks
     from cfnav_core.models import Inputs, Knowledge
@@ -208,13 +208,14 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
         model.actor.bias[Action.Done] = -57.0  # passes 1 between h of 6 and of 7 steps
     export_perception(PerceptionNet(), folder / "perception.onnx")
     export_networks(agent, inputs, folder)
+    (folder / WEIGHTS).touch()  # the networks hold their numbers themselves
     BundleHead(
         name="eager",
         method="plain",
         feeds_prediction=False,
         objects=CATEGORIES,
         goals=CATEGORIES,
-        files={name: file_hash(folder / name) for name in NETWORKS},
+        files={name: file_hash(folder / name) for name in (*NETWORKS, WEIGHTS)},
         training={},
         metrics={},
     ).save(folder)

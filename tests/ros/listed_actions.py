@@ -10,7 +10,7 @@ from torch import nn
 
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.agent import Agent
-from cfnav_core.bundle import NETWORKS, BundleHead, file_hash
+from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleHead, file_hash
 from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.export import export_networks
 from cfnav_core.models import Inputs, Knowledge, NavModel
@@ -52,7 +52,8 @@ def write_bundle(out: Path, model: NavModel, goals: tuple[str, ...], perception=
     tables = RewardTables.of("baseline", Knowledge())
     agent = Agent(model, predictor, REWARDS["baseline"], tables)
     export_networks(agent, inputs, out)
-    hashes = {name: file_hash(out / name) for name in NETWORKS}
+    (out / WEIGHTS).touch()  # the networks hold their numbers themselves
+    hashes = {name: file_hash(out / name) for name in (*NETWORKS, WEIGHTS)}
     BundleHead(out.name, "ours", True, CATEGORIES, goals, hashes, {}, {}).save(out)
 
 

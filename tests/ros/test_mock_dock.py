@@ -13,6 +13,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
 
 from action_msgs.msg import GoalStatus  # noqa: E402
+from cfnav_interfaces.srv import SetFault, StartEpisode  # noqa: E402
 from irobot_create_msgs.action import Undock  # noqa: E402
 from rclpy.action import ActionClient  # noqa: E402
 
@@ -45,14 +46,15 @@ def robot(tmp_path_factory):
             process.end()
 
 
-def undock(robot):
-    """Ask to undock; status and result."""
+def undock(robot, meanwhile=lambda: None):
+    """Ask to undock, do something once that is accepted; status and result."""
     client = ActionClient(robot.node, Undock, "undock")
     try:
         robot.wait(client.server_is_ready, "the undock server")
         sent = client.send_goal_async(Undock.Goal())
         robot.wait(sent.done, "the goal's answer")
         assert sent.result().accepted
+        meanwhile()
         result = sent.result().get_result_async()
         robot.wait(result.done, "the end of undocking")
         return result.result().status, result.result().result
@@ -82,6 +84,19 @@ def test_docked_robot_saves_power_and_ignores_commands(robot):
     assert (truth.x, truth.y, truth.yaw) == (began.x, began.y, began.yaw)
 
 
+def test_undocking_without_power_is_aborted_and_not_taken_up_again(robot):
+    began = robot.last("ground_truth/state")
+    assert robot.call(SetFault, fault="e_stop", active=True).ok
+    try:
+        status, result = undock(robot)
+        assert (status, result.is_docked) == (GoalStatus.STATUS_ABORTED, True)
+    finally:
+        assert robot.call(SetFault, active=False).ok
+    robot.wait_for(1.0)
+    truth = robot.last("ground_truth/state")
+    assert math.dist((truth.x, truth.y), (began.x, began.y)) < 0.001
+
+
 def test_undock_backs_off_turns_around_and_wakes_the_sensors(robot):
     began = robot.last("ground_truth/state")
     status, result = undock(robot)
@@ -101,3 +116,19 @@ def test_robot_that_is_not_docked_refuses_to_undock(robot):
     status, result = undock(robot)
     assert status == GoalStatus.STATUS_ABORTED
     assert not result.is_docked
+
+
+def test_undocking_that_an_episode_cuts_short_is_aborted(robot):
+    at = robot.last("ground_truth/state")
+    start = [at.x, at.y, at.yaw]
+    assert robot.call(SetFault, fault="docked", active=True).ok
+    robot.wait(lambda: robot.last("dock_status").is_docked, "the dock")
+
+    def start_episode():
+        assert robot.call(SetFault, active=False).ok
+        robot.wait(lambda: robot.last("ground_truth/state").v < -0.05, "the way back")
+        answer = robot.call(StartEpisode, room=ROOM, start=start)
+        assert answer.ok, answer.message
+
+    status, result = undock(robot, start_episode)
+    assert (status, result.is_docked) == (GoalStatus.STATUS_ABORTED, False)

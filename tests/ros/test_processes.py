@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cfnav_ros.processes import Child, node_command
+from cfnav_ros.processes import Child, keep_local, node_command
 
 
 def start(tmp_path: Path, code: str) -> Child:
@@ -74,3 +74,14 @@ def test_installed_executables_come_before_modules(
     program.parent.mkdir(parents=True)
     program.touch(0o755)
     assert node_command("cfnav_ros", "policy_node") == [str(program)]
+
+
+def test_a_local_graph_forgets_what_leads_beyond_this_machine(tmp_path: Path) -> None:
+    environment = {"ROS_STATIC_PEERS": "10.0.0.2", "ROS_LOG_DIR": "/logs", "ROS_DOMAIN_ID": "7"}
+    keep_local(environment)
+    profile = Path(environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE"))
+    assert profile.is_file()
+    kept = {"ROS_LOG_DIR": "/logs", "ROS_DOMAIN_ID": "7"}
+    assert environment == {**kept, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    keep_local(environment, tmp_path)
+    assert environment["ROS_LOG_DIR"] == f"{tmp_path}/ros"

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sim_bridge.own_motions import BackupBuffer
+from sim_bridge.own_motions import UNDOCK_S, BackupBuffer
 from sim_bridge.simulator import Simulator
 from sim_bridge.world import HULL_RADIUS, World
 
@@ -96,14 +96,15 @@ def test_docked_robot_ignores_commands_until_it_has_left_the_dock():
     simulator.dock()
     drive(simulator, 0.2, 0.5, 1.0)
     assert simulator.world.pose.x == pytest.approx(1.5)
-    simulator.undock()
+    undock = simulator.undock()
     steps = 0
     while simulator.busy:
         assert simulator.docked
         simulator.command(0.2, 0.0)
         simulator.step()
         steps += 1
-    assert steps * 0.01 < 10
+    assert steps * 0.01 < UNDOCK_S / 1.5
+    assert undock.done
     assert not simulator.docked
     drive(simulator, 0.0, 0.0, 0.5)
     pose = simulator.world.pose
@@ -111,6 +112,49 @@ def test_docked_robot_ignores_commands_until_it_has_left_the_dock():
     assert abs(math.remainder(pose.yaw - math.pi, math.tau)) < 0.05
     drive(simulator, 0.2, 0.0, 0.5)
     assert simulator.world.pose.x < pose.x - 0.05
+
+
+def test_undocking_against_a_wall_is_given_up():
+    simulator = robot(1.5)
+    simulator.place(WALL_X - HULL_RADIUS - 0.02, 1.0, math.pi)
+    simulator.dock()
+    undock = simulator.undock()
+    drive(simulator, 0.0, 0.0, UNDOCK_S - 0.1)
+    assert simulator.own is undock
+    drive(simulator, 0.0, 0.0, 0.3)
+    assert not simulator.busy
+    assert simulator.docked
+    assert not undock.done
+
+
+@pytest.mark.parametrize(("seconds", "docked"), [(1.0, True), (4.0, False)])
+def test_undocking_without_power_is_dropped_and_not_taken_up_again(seconds, docked):
+    simulator = robot(1.5)
+    simulator.dock()
+    undock = simulator.undock()
+    drive(simulator, 0.0, 0.0, seconds)
+    simulator.e_stop = True
+    drive(simulator, 0.0, 0.0, 1.0)
+    assert not simulator.busy
+    simulator.e_stop = False
+    x, yaw = simulator.world.pose.x, simulator.world.pose.yaw
+    drive(simulator, 0.0, 0.0, 1.0)
+    now = simulator.world.pose
+    assert (now.x, now.yaw) == pytest.approx((x, yaw), abs=1e-6)
+    assert (simulator.docked, undock.done) == (docked, False)
+
+
+def test_back_off_without_power_is_dropped_and_not_taken_up_again():
+    simulator = robot(1.5)
+    simulator.suffer(frozenset({"bumper_stuck"}))
+    drive(simulator, 0.0, 0.0, 0.3)
+    assert simulator.busy
+    simulator.suffer(frozenset({"bumper_stuck", "e_stop"}))
+    drive(simulator, 0.0, 0.0, 0.5)
+    simulator.suffer(frozenset({"bumper_stuck"}))
+    x = simulator.world.pose.x
+    drive(simulator, 0.0, 0.0, 1.0)
+    assert simulator.world.pose.x == pytest.approx(x, abs=1e-6)
 
 
 def test_dock_that_is_a_fault_holds_a_driving_robot():

@@ -3,21 +3,22 @@
     ros2 launch cfnav_bringup evaluation.launch.py params:=my.yaml mode:=record bag:=drive1
     ros2 launch cfnav_bringup evaluation.launch.py params:=my.yaml mode:=replay bag:=drive1
 
-A replay plays only what sensors said, on this machine only: no velocity leaves the bag. The LiDAR
-node judges the recorded scans anew, with the parameters given.
+A replay plays only what sensors said, on this machine only and in a ROS domain of its own: no
+velocity leaves the bag, and no node of a robot hears the past. The LiDAR node judges the recorded
+scans anew, with the parameters given.
 """
 
+from collections.abc import MutableMapping
 from pathlib import Path
 
+from cfnav_ros.processes import ENDS_WITH_PARENT, keep_local
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
     DeclareLaunchArgument,
     ExecuteProcess,
     IncludeLaunchDescription,
     OpaqueFunction,
-    SetEnvironmentVariable,
     Shutdown,
-    UnsetEnvironmentVariable,
 )
 from launch_ros.actions import Node
 
@@ -29,12 +30,11 @@ ARGUMENTS = (
     DeclareLaunchArgument("bundle", default_value=""),
     DeclareLaunchArgument("goal", default_value=""),
     DeclareLaunchArgument("rate", default_value="1.0", description="of the replay"),
+    DeclareLaunchArgument("domain", default_value="99", description="ROS domain of the replay"),
     DeclareLaunchArgument("rviz", default_value="false", choices=["true", "false"]),
 )
 
 ROBOT = str(Path(__file__).with_name("robot.launch.py"))
-ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"  # as in robot.launch.py
-ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
 
 REPLAYED = (
     "scan",
@@ -49,6 +49,9 @@ REPLAYED = (
     "dock_status",
 )
 """What the robot said; what it was told, and what was concluded, is left in the bag."""
+
+LAST_DOMAIN = 101
+"""Domains beyond it may take ports that Linux gives to others."""
 
 NEVER = ("cmd_vel", "cmd_vel_unstamped", "camera_tilt/command")
 """Commands: named under replay/ should ever one of them be played."""
@@ -66,11 +69,27 @@ def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
             namespace=given["namespace"],
             parameters=[bag],
             output="screen",
-            prefix=ENDS_WITH_LAUNCH,
+            prefix=ENDS_WITH_PARENT,
             on_exit=Shutdown(),
         ),
         IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed]),
     ]
+
+
+def stay_apart(environment: MutableMapping[str, str], domain: str) -> None:
+    """Keep a replay away from every robot: on this machine, in a domain of its own.
+
+    Raises:
+        RuntimeError: the domain is none, or that of the shell, where a robot may be.
+    """
+    live = int(environment.get("ROS_DOMAIN_ID") or 0)
+    if not domain.isdecimal() or int(domain) > LAST_DOMAIN or int(domain) == live:
+        raise RuntimeError(
+            f"domain is {domain!r}, expected 0 to {LAST_DOMAIN} but not {live}, the domain of this "
+            "shell: nodes of a robot there would take the recording for its sensors."
+        )
+    environment["ROS_DOMAIN_ID"] = domain
+    keep_local(environment)
 
 
 def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
@@ -82,13 +101,11 @@ def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     arguments = {name: given[name] for name in ("params", "namespace", "rviz")}
     arguments |= {"drive": "false", "use_sim_time": "true"}
     return [
-        SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
-        *(UnsetEnvironmentVariable(name) for name in ELSEWHERE),
         ExecuteProcess(
             cmd=play,
             name="player",
             output="screen",
-            prefix=ENDS_WITH_LAUNCH,
+            prefix=ENDS_WITH_PARENT,
             on_exit=Shutdown(),
         ),
         IncludeLaunchDescription(ROBOT, launch_arguments=arguments.items()),
@@ -98,7 +115,10 @@ def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
 def actions(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Choose by mode."""
     given = context.launch_configurations
-    return record(given) if given["mode"] == "record" else replay(given)
+    if given["mode"] == "record":
+        return record(given)
+    stay_apart(context.environment, given["domain"])
+    return replay(given)
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -9,6 +9,7 @@ everything. The LiDAR node is started again: without it the policy node stands.
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_path
+from cfnav_ros.processes import ENDS_WITH_PARENT
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
@@ -36,9 +37,6 @@ ARGUMENTS = (
 TF = [("/tf", "tf"), ("/tf_static", "tf_static")]
 SHOWN = ("scan", "odom", "oakd/rgb/preview/image_raw", "policy/markers")
 
-# Launch that is ended by SIGTERM or SIGKILL leaves its nodes running: these ask for an interrupt.
-ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"
-
 
 def parameter_file(given: str) -> str:
     """Return a parameter file by its path or by its name in the package."""
@@ -57,7 +55,7 @@ def nodes(context: LaunchContext) -> list[Node]:
         "namespace": given["namespace"],
         "output": "screen",
         "remappings": TF,
-        "prefix": ENDS_WITH_LAUNCH,
+        "prefix": ENDS_WITH_PARENT,
     }
     parameters: list = [parameter_file(given["params"])]
     if given["use_sim_time"]:

@@ -3,18 +3,16 @@
 ros2 launch cfnav_bringup simulation.launch.py room:=kitchen:25 goal:=Fridge
 """
 
-from importlib.resources import files
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_path
+from cfnav_ros.processes import ENDS_WITH_PARENT, keep_local
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
     DeclareLaunchArgument,
     IncludeLaunchDescription,
     OpaqueFunction,
-    SetEnvironmentVariable,
     Shutdown,
-    UnsetEnvironmentVariable,
 )
 from launch_ros.actions import Node
 
@@ -32,22 +30,11 @@ ARGUMENTS = (
 
 PASSED_ON = ("params", "namespace", "bundle", "goal", "rviz")
 TYPES = {"room": str, "seed": int, "speed": float, "faults": str}
-ENDS_WITH_LAUNCH = "setpriv --pdeathsig INT"  # as in robot.launch.py
-ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
-
-
-def stay_here() -> list[LaunchDescriptionEntity]:
-    """Keep the graph on this machine, so that no robot on the network can be moved."""
-    transport = str(files("cfnav_ros") / "config" / "fastdds.xml")
-    return [
-        SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
-        SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", transport),
-        *(UnsetEnvironmentVariable(name) for name in ELSEWHERE),
-    ]
 
 
 def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Make the mock and what drives it for the arguments given."""
+    keep_local(context.environment)  # so that no robot on the network can be moved
     given = context.launch_configurations
     folder = get_package_share_path("cfnav_bringup")
     params = folder / "config" / given["params"]  # an absolute path stays itself
@@ -59,7 +46,7 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         namespace=given["namespace"],
         parameters=[str(params), *([chosen] if chosen else [])],
         output="screen",
-        prefix=ENDS_WITH_LAUNCH,
+        prefix=ENDS_WITH_PARENT,
         on_exit=Shutdown(),
     )
     robot = IncludeLaunchDescription(
@@ -71,4 +58,4 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 def generate_launch_description() -> LaunchDescription:
     """Describe the launch."""
-    return LaunchDescription([*ARGUMENTS, *stay_here(), OpaqueFunction(function=nodes)])
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=nodes)])
