@@ -20,6 +20,8 @@ CHANGED = (
     "5eeaf07: a motion is whole when it is less exact, not when it went elsewhere",
     "46d5399: it is cut short from 3 cm or 6 degrees before its target on, as late commands carry "
     "it beyond and what is given up falls short",
+    "2e4a58a: a stop needs the episode's end and a sentence that names the cause; a ride after the "
+    "fault was mended is none through it; a motion that finished is no measured stop",
 )
 """What was changed in judging after measurements had begun: commits and reasons."""
 
@@ -117,7 +119,7 @@ class Judgement:
     Attributes:
         reaction: what the deployment did.
         stop_s: seconds from the fault to the end of what was bounded, or of the last motion; None
-            where nothing was stopped: the last motion finished, or none was under way.
+            where nothing was stopped (the last motion finished, or none was under way) or bounded.
         last_motion: what became of it.
         contacts: with anything, after the fault.
         as_expected: whether reaction, time, outcome and sentence are those of the expectation.
@@ -189,10 +191,10 @@ def judge(run: Run, expected: Expectation) -> Judgement:
     in_time = bound is None or bounded_s <= bound
     last_motion = _last(seen[:1] if expected.bounded is Bounded.UNDER_WAY else seen)
     drove = expected.bounded is Bounded.DRIVES and bounded_s > 0
-    stopped = drove or last_motion in (LastMotion.CUT_SHORT, LastMotion.LASTS)
+    cut = drove or last_motion in (LastMotion.CUT_SHORT, LastMotion.LASTS)
     return Judgement(
         reaction,
-        round(stop_s, 3) if stopped else None,
+        round(stop_s, 3) if cut and bound is not None else None,
         last_motion,
         contacts,
         expected.met_by(reaction) and in_time and _told(run, expected) and not contacts,

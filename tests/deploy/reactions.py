@@ -14,6 +14,7 @@ from cfnav_ros.clock_watch import GRACE_S
 from cfnav_ros.disturbance import SLIP_WINDOW_S
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.mounting import SEEN_THROUGH
+from cfnav_ros.scan_watch import GRAPH_S
 from sim_bridge.base import BaseLimits
 from sim_bridge.faults import FAULTS
 from sim_bridge.own_motions import BACK_OFF_M, BACK_OFF_SPEED
@@ -85,7 +86,7 @@ LIMITS_S = {
     "mounting": (SEEN_THROUGH + 1) * SCAN_PERIOD,
     "slip": SLIP_WINDOW_S + 0.05,
     "push": FAULTS["base_pushed"].lasts + 0.05,
-    "graph": 1.0,
+    "graph": GRAPH_S,
     "clock": GRACE_S + 0.1,
     "base check": 0.5,
     "base": _BASE.command_timeout,
@@ -96,12 +97,19 @@ LIMITS_S = {
 node, with the period of its look at silence; a blind scan is told by the second one; a payload is
 frozen after a second, told when the next comes under a new stamp; a wrong mounting after as many
 scans as the self-check wants; a slip is told when all of its window shows it, and a push when it is
-over, each by the next odometry; a look at the graph each second; the clock's grace and the period
-of its watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the bumper
-and the base's reflex; a signal or a request is seen at the executor's next turn."""
+over, each by the next odometry; the LiDAR node's look at the graph; the clock's grace and the
+period of its watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the
+bumper and the base's reflex; a signal or a request is seen at the executor's next turn."""
 
 
-LIMIT_CHANGED: dict[str, str] = {}
+LIMIT_CHANGED = {
+    "stale scan": "5be2727: was 0.4 s, without the period of the look at silence",
+    "frozen scan": "3ee5639: was 1.0 s, without the period of scans",
+    "frozen picture": "3ee5639: was 1.0 s, without the period of pictures",
+    "mounting": "6e16636: was 3.0 s, now the scans that the self-check wants",
+    "bumper": "180bd83: was 0.1 s, without the base's own reflex",
+    "graph": "ce556f7: was 1.0 s, the LiDAR node looks more often",
+}
 """Limits that were changed after measurements had begun: commit and reason."""
 
 

@@ -1,5 +1,6 @@
 """The deployment bench: its table against the nodes it speaks of, its judge, and one real cell."""
 
+import inspect
 import json
 import math
 import os
@@ -23,6 +24,7 @@ from sim_bridge.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world import World  # noqa: E402
 
 from cfnav_core.actions import Action  # noqa: E402
+from cfnav_ros import lidar_collision_node, policy_node  # noqa: E402
 from tests.deploy import bench, fault_matrix, matrix_report, motion_error, usage  # noqa: E402
 from tests.deploy.bundles import make_bundle  # noqa: E402
 from tests.deploy.expectations import (  # noqa: E402
@@ -80,6 +82,13 @@ def test_limits_are_the_nodes_own_defaults():
     assert LIMITS_S["stale scan"] == pytest.approx(lidar.stale + 1 / lidar.stale_rate)
     assert pytest.approx(1 / policy.rate) == CONTROL_S
     assert LIMITS_S["base check"] == CHECK_S
+    assert LIMITS_S["graph"] == lidar_collision_node.GRAPH_S
+    assert f"spin_once(timeout_sec={LIMITS_S['request']:g})" in inspect.getsource(policy_node)
+    ages = policy.episode.ages
+    names = ("tilt", "odometry", "estimate", "picture")
+    assert [LIMITS_S[name] for name in names] == [
+        ages.tilt, ages.odometry, ages.estimate, ages.frame,
+    ]  # fmt: skip
     assert LIMITS_S["frozen scan"] == lidar.frozen + 1 / 7.7
     assert LIMITS_S["frozen picture"] == policy.frozen_picture_time + 1 / 15
     assert LIMITS_S["clock"] == pytest.approx(0.5 + GUARD_PERIOD_S)
