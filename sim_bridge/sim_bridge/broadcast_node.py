@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from sim_bridge import conversions as to_msg
 from sim_bridge.fault_schedule import FaultSchedule
-from sim_bridge.faults import CAMERA_INFO, IMAGE, JOINTS, ODOM, SCAN, TF
+from sim_bridge.faults import CAMERA_INFO, DOCK, HAZARDS, IMAGE, JOINTS, ODOM, SCAN, TF, WHEELS
 from sim_bridge.lidar_turn import LidarTurn
 from sim_bridge.lock_step import PATIENCE_S
 from sim_bridge.outbox import Outbox
@@ -22,11 +22,8 @@ from sim_bridge.robot_clock import RobotClock
 from sim_bridge.robot_node import (
     BATTERY,
     CLOCK,
-    DOCK,
-    HAZARDS,
     IMU,
     TF_STATIC,
-    WHEELS,
     RivalNode,
     RobotNode,
 )

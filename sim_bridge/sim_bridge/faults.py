@@ -20,6 +20,7 @@ from sim_bridge import picture_faults, scan_faults
 
 IMAGE, CAMERA_INFO = "oakd/rgb/preview/image_raw", "oakd/rgb/preview/camera_info"
 SCAN, ODOM, TF, JOINTS = "scan", "odom", "tf", "joint_states"
+HAZARDS, WHEELS, DOCK = "hazard_detection", "wheel_status", "dock_status"
 COMMANDS = "cmd_vel"
 """Commands of either type on their way in."""
 
@@ -213,6 +214,9 @@ _BASE = {
     "bumper_stuck": Fault(),
     "tilt_stuck": Fault(),
     "joints_silent": Fault((JOINTS,), silent),
+    "hazards_silent": Fault((HAZARDS,), silent),
+    "wheels_silent": Fault((WHEELS,), silent),
+    "dock_silent": Fault((DOCK,), silent),
 }
 
 _COMMAND = {

@@ -28,10 +28,9 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Empty, Trigger
 from tf2_msgs.msg import TFMessage
 
-from sim_bridge.faults import CAMERA_INFO, IMAGE, JOINTS, ODOM, SCAN, TF
+from sim_bridge.faults import CAMERA_INFO, DOCK, HAZARDS, IMAGE, JOINTS, ODOM, SCAN, TF, WHEELS
 
-CLOCK, TF_STATIC, HAZARDS = "/clock", "tf_static", "hazard_detection"
-WHEELS, DOCK, BATTERY, IMU = "wheel_status", "dock_status", "battery_state", "imu"
+CLOCK, TF_STATIC, BATTERY, IMU = "/clock", "tf_static", "battery_state", "imu"
 TILT = "camera_tilt/command"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

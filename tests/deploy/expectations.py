@@ -156,6 +156,9 @@ _BASE_FAULTS = {
         "on the dock scan and picture stop, and dock_status says so",
     ),
     "bumper_stuck": _blind("bumper", "a pressed bumper forbids driving; a turn may be the way out"),
+    "hazards_silent": _rides("no bump sense, as on a robot as it is sold: the LiDAR guards"),
+    "wheels_silent": _rides("the last word on the power holds; without it nothing moves"),
+    "dock_silent": _rides("the last word on the dock holds; a robot that drives is on none"),
 }  # fmt: skip
 
 _COMMAND = {
@@ -237,6 +240,9 @@ NAMES_CAUSE = {
     "e_stop": "power|stop",
     "docked": "dock|scan|LiDAR|picture",
     "bumper": "bump",
+    "hazards": "bump",
+    "wheels": "power|motions failed",
+    "dock_silent": "dock|motions failed",
     "cmd": "cmd_vel",
     "network": "",
     "clock": "time|clock|old|future|jumped",

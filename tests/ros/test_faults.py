@@ -21,13 +21,16 @@ from sim_bridge.camera import SET_UPS  # noqa: E402
 from sim_bridge.fault_schedule import FaultSchedule, Order  # noqa: E402
 from sim_bridge.faults import (  # noqa: E402
     CAMERA_INFO,
+    DOCK,
     EVERYTHING,
     FAULTS,
+    HAZARDS,
     IMAGE,
     JOINTS,
     ODOM,
     SCAN,
     TF,
+    WHEELS,
 )
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
@@ -49,6 +52,10 @@ def make(topic, k=0):
         return to_msg.camera_info(SET_UPS["mast"], t)
     if topic == JOINTS:
         return to_msg.joint_state(SET_UPS["mast"], 0.1 * k, t)
+    if topic == HAZARDS:
+        return to_msg.hazards([0.0], True, t)
+    if topic in (WHEELS, DOCK):
+        return (to_msg.wheel_status if topic == WHEELS else to_msg.dock_status)(True, t)
     counted = Odometry()
     counted.move(1.0 + k, 0.5, 0.7)
     if topic == TF:
@@ -94,7 +101,7 @@ def bearing(scan):
 
 @pytest.mark.parametrize("fault", [name for name, row in FAULTS.items() if row.topics])
 def test_altered_messages_can_be_sent_and_other_topics_are_left_alone(fault):
-    for topic in (SCAN, IMAGE, CAMERA_INFO, ODOM, JOINTS):
+    for topic in (SCAN, IMAGE, CAMERA_INFO, ODOM, JOINTS, HAZARDS, WHEELS, DOCK):
         results, originals = suffered(fault, topic, 3)
         concerned = {topic, "*"} & set(FAULTS[fault].topics)
         for (message, delay), original in zip(results, originals, strict=True):
@@ -107,7 +114,7 @@ def test_altered_messages_can_be_sent_and_other_topics_are_left_alone(fault):
             assert [r for r in results if r[1] or r[0] != originals[results.index(r)]]
 
 
-@pytest.mark.parametrize("topic", [SCAN, IMAGE, CAMERA_INFO, ODOM, TF, JOINTS])
+@pytest.mark.parametrize("topic", [SCAN, IMAGE, CAMERA_INFO, ODOM, TF, JOINTS, HAZARDS])
 def test_any_two_faults_of_a_topic_hold_together(topic, monkeypatch):
     monkeypatch.setattr(picture_faults, "HUGE", (90, 160))
     concerned = [name for name, row in FAULTS.items() if {topic, EVERYTHING} & set(row.topics)]
