@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.bundle import BundleError, BundleHead
 from cfnav_core.models import NavModel
 from cfnav_core.models.base import Seen
 from cfnav_core.vocabulary import CATEGORIES, CATEGORY_ID
@@ -58,9 +59,10 @@ def make_bundle(folder: Path, lists: Mapping[str, Sequence[Action]]) -> Path:
     named = {goal: [action.name for action in actions] for goal, actions in lists.items()}
     name = hashlib.sha256(json.dumps(named, sort_keys=True).encode()).hexdigest()[:12]
     out = folder / f"listed-{name}"
-    if (out / "bundle.json").exists():
-        return out
-    shutil.rmtree(out, ignore_errors=True)  # its head is written last: this one was cut short
-    folder.mkdir(parents=True, exist_ok=True)
-    write_bundle(out, CountedActions(lists), tuple(lists))
+    try:
+        BundleHead.load(out)
+    except BundleError:  # missing, cut short, or made for older code
+        shutil.rmtree(out, ignore_errors=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_bundle(out, CountedActions(lists), tuple(lists))
     return out

@@ -25,6 +25,7 @@ from sim_bridge.world import World  # noqa: E402
 
 from cfnav_core.actions import Action  # noqa: E402
 from cfnav_ros import lidar_collision_node, policy_node  # noqa: E402
+from cfnav_core.bundle import BundleHead  # noqa: E402
 from tests.deploy import bench, fault_matrix, matrix_report, motion_error, usage  # noqa: E402
 from tests.deploy.bundles import make_bundle  # noqa: E402
 from tests.deploy.expectations import (  # noqa: E402
@@ -273,6 +274,8 @@ def test_a_bundle_is_named_by_its_actions(tmp_path):
     written = (first / "bundle.json").stat().st_mtime_ns
     assert make_bundle(tmp_path, lists) == first
     assert (first / "bundle.json").stat().st_mtime_ns == written
+    (first / "policy.onnx").write_bytes(b"")
+    assert BundleHead.load(make_bundle(tmp_path, lists)).goals == ("Laptop",)
     assert make_bundle(tmp_path, {"Laptop": (Action.RotateLeft,)}) != first
 
 
