@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,8 +25,8 @@ from sim_bridge.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world import World  # noqa: E402
 
 from cfnav_core.actions import Action  # noqa: E402
-from cfnav_ros import lidar_collision_node, policy_node  # noqa: E402
 from cfnav_core.bundle import BundleHead  # noqa: E402
+from cfnav_ros import lidar_collision_node, policy_node  # noqa: E402
 from tests.deploy import bench, fault_matrix, matrix_report, motion_error, usage  # noqa: E402
 from tests.deploy.bundles import make_bundle  # noqa: E402
 from tests.deploy.expectations import (  # noqa: E402
@@ -360,6 +361,32 @@ def test_memory_and_cpu_of_a_process_are_read_and_growth_is_told():
     memory.times_s = [36.0 * k for k in range(100)]
     memory.rss_mb = {"me": [200.0 + max(k - 20, 0) for k in range(100)]}
     assert memory.slopes()["me"] == pytest.approx(100.0)  # 1 MB in 36 s, the warm-up left out
+
+
+class Standing:
+    """A graph whose policy answers every goal alike."""
+
+    def __init__(self, outcome, steps):
+        self.result = SimpleNamespace(outcome=outcome, message="No picture.", steps=steps)
+        self.node = SimpleNamespace(create_subscription=lambda *_: None)
+
+    def start_episode(self, *_):
+        return SimpleNamespace(ok=True, goals=("Mug",))
+
+    def navigate(self, *_):
+        return self.result
+
+    def end_episode(self):
+        return SimpleNamespace(path_length=0.25)
+
+
+def test_cost_is_not_measured_while_goals_are_refused_and_what_was_driven_is_told():
+    rounds = iter((False, False, True))
+    drive = usage._Drive(Standing("done", 4), "kitchen:1")
+    drive.seek(lambda: next(rounds))
+    assert drive.driven == {"goals": 2, "decisions": 8, "metres": 0.5}
+    with pytest.raises(GraphError, match="refused the goal 'Mug': No picture"):
+        usage._Drive(Standing("refused", 0), "kitchen:1").seek(lambda: False)
 
 
 def test_parts_that_were_measured_before_stay_on_the_page():
