@@ -58,8 +58,8 @@ _SCAN = {
     "scan_half_rate": _rides("a scan every 0.26 s is still younger than 0.4 s"),
     "scan_burst_loss": (
         _cut_short("stale scan"), DEGRADES, DEGRADES,
-        "three scans are lost: each gap of 0.52 s outlasts the stale limit, so that no drive goes "
-        "on through it; between gaps it goes on",
+        "three scans are lost at first: a gap of 0.52 s outlasts the stale limit, so that no drive "
+        "goes on through it; later two or three, and 0.39 s does not",
     ),
     "scan_late_0.2": _rides(
         "0.2 s late and 0.13 s to the next are below 0.4 s from the end of a turn; by its stamp, "
@@ -206,6 +206,9 @@ GOES_ON = {
 }
 """Faults after which a stop is not followed by the episode's end, and why."""
 
+MAY_RIDE = (("scan_burst_loss", Phase.TURNING), ("scan_burst_loss", Phase.WAITING))
+"""Cells in which the MoveAhead that follows meets a gap that outlasts the limit, or another one."""
+
 CHANGED = {
     "scan_burst_loss": "2e4a58a: the motion under way is bounded, nothing was",
     "scan_late_0.2": "2e4a58a: was degrade; a scan's age counts from the end of its turn (a2c1a9d)",
@@ -224,8 +227,10 @@ CHANGED = {
 def _expectation(fault: str, phase: Phase, cell: Cell, reason: str) -> Expectation:
     reaction, limit, bounded = cell
     changed = "; ".join(filter(None, (CHANGED.get(fault), LIMIT_CHANGED.get(limit))))
-    goes_on = fault in GOES_ON
-    return Expectation(fault, phase, reaction, limit, bounded, reason, goes_on, changed)
+    may_ride = (fault, phase) in MAY_RIDE
+    return Expectation(
+        fault, phase, reaction, limit, bounded, reason, fault in GOES_ON, may_ride, changed
+    )
 
 
 EXPECTATIONS = tuple(

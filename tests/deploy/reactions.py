@@ -125,6 +125,8 @@ class Expectation:
     reason: str
     goes_on: bool = False
     """After a stop the episode need not end."""
+    may_ride: bool = False
+    """To ride through is as good as to degrade: it depends on when the fault meets the motion."""
     changed: str = ""
     """What was changed after measurements had begun: commits and reasons."""
 
@@ -161,9 +163,12 @@ class Expectation:
             "bounded": self.bounded.value,
             "bound_s": None if self.bound_s is None else round(self.bound_s, 3),
             "ends": self.ends,
+            "may_ride": self.may_ride,
         }
 
     def met_by(self, found: Reaction) -> bool:
         """Whether what was found is what was expected."""
         stop_will_do = self.reaction is Reaction.DEGRADE and self.limit
-        return found is self.reaction or bool(stop_will_do and found is Reaction.STOP)
+        if found is Reaction.STOP:
+            return self.reaction is Reaction.STOP or bool(stop_will_do)
+        return found is self.reaction or (self.may_ride and found is Reaction.RIDE_THROUGH)

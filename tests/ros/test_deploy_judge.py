@@ -139,6 +139,14 @@ def test_the_motion_under_way_must_end_within_its_bound_while_others_may_follow(
         assert not judged(drive(late, PAUSE, cut), fault, outcome="").as_expected
 
 
+def test_gaps_of_scans_may_be_ridden_through_once_the_first_is_over():
+    ride = drive(STEP, PAUSE, STEP)
+    assert judged(ride, "scan_burst_loss", Phase.WAITING, outcome="").as_expected
+    assert judged(ride, "scan_burst_loss", Phase.WAITING, outcome="step_limit").as_expected
+    assert not judged(ride, "scan_burst_loss", Phase.WAITING, outcome="done").as_expected
+    assert not judged(ride, "scan_burst_loss", outcome="").as_expected
+
+
 def test_a_ride_after_the_fault_was_mended_is_none_through_it():
     truth = drive((1.0, 0.0, 0.0), STEP, PAUSE, STEP)
     run = Run(truth, 10.0, 11.0, "", "", 0)
