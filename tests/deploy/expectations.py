@@ -210,7 +210,8 @@ MAY_RIDE = (("scan_burst_loss", Phase.TURNING), ("scan_burst_loss", Phase.WAITIN
 """Cells in which the MoveAhead that follows meets a gap that outlasts the limit, or another one."""
 
 CHANGED = {
-    "scan_burst_loss": "2e4a58a: the motion under way is bounded, nothing was",
+    "scan_burst_loss": "2e4a58a: the motion under way is bounded, nothing was; aa95d81: later "
+    "gaps, some of two scans, may be ridden through",
     "scan_late_0.2": "2e4a58a: was degrade; a scan's age counts from the end of its turn (a2c1a9d)",
     "scan_speckle": "6e16636: was degrade; a lone near return is a ghost by the reference",
     "scan_mirrored": "6e16636: was ride through; front and rear swap, so that the posts tell",
