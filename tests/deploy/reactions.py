@@ -103,12 +103,12 @@ bumper and the base's reflex; a signal or a request is seen at the executor's ne
 
 
 LIMIT_CHANGED = {
-    "stale scan": "5be2727: was 0.4 s, without the period of the look at silence",
-    "frozen scan": "3ee5639: was 1.0 s, without the period of scans",
-    "frozen picture": "3ee5639: was 1.0 s, without the period of pictures",
-    "mounting": "6e16636: was 3.0 s, now the scans that the self-check wants",
-    "bumper": "180bd83: was 0.1 s, without the base's own reflex",
-    "graph": "ce556f7: was 1.0 s, the LiDAR node looks more often",
+    "stale scan": "5be2727: limit was 0.4 s, without the period of the look at silence",
+    "frozen scan": "3ee5639: limit was 1.0 s, without the period of scans",
+    "frozen picture": "3ee5639: limit was 1.0 s, without the period of pictures",
+    "mounting": "6e16636: limit was 3.0 s, now the scans that the self-check wants",
+    "bumper": "180bd83: limit was 0.1 s, without the base's own reflex",
+    "graph": "ce556f7: limit was 1.0 s, the LiDAR node looks more often",
 }
 """Limits that were changed after measurements had begun: commit and reason."""
 
