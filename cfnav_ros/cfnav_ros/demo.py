@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 from tqdm import tqdm
@@ -60,6 +60,8 @@ class DemoConfig:
     """Most decisions of an episode; 0: 100, and 200 in living rooms."""
     veto: bool = True
     """The LiDAR may forbid a MoveAhead."""
+    camera: Literal["mast", "preview"] = "mast"
+    """Camera of the robot: on a mast that tilts, or as sold, which does not."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
     report: bool = True
@@ -167,6 +169,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             veto=config.veto,
             domain=config.domain,
             bag=bag,
+            camera=config.camera,
         )
         with Graph(graph_config) as graph:
             run_trials(graph, config, known, lambda _, outcome: live.append(outcome))
@@ -248,6 +251,7 @@ def _metrics(
         "commit": commit(),
         "command": shlex.join(["python", "-m", "cfnav_ros.demo", *sys.argv[1:]]),
         "speed": config.speed,
+        "camera": config.camera,
     }
 
 

@@ -67,6 +67,7 @@ class GraphConfig:
         bag: where everything is recorded; None records nothing.
         lock_step: the simulator waits for the policy at every moment, so that an episode repeats
             itself; no measure of reaction times.
+        camera: the robot's: "mast", which tilts, or "preview", as sold, which does not.
     """
 
     room: str
@@ -77,6 +78,23 @@ class GraphConfig:
     domain: int | None = None
     bag: Path | None = None
     lock_step: bool = False
+    camera: str = "mast"
+
+    @property
+    def nodes(self) -> tuple[tuple[str, str, dict[str, object]], ...]:
+        """Package, executable and parameters of each node, in the order in which they start."""
+        mock = {"room": self.room, "speed": float(self.speed), "camera": self.camera}
+        policy: dict[str, object] = {"use_sim_time": True, "episode.veto": self.veto}
+        if self.camera == "preview":
+            policy["episode.has_tilt"] = False
+        if self.bundle is not None:
+            policy["bundle"] = self.bundle.resolve()
+        lock_step = {"lock_step": self.lock_step}
+        return (
+            ("sim_bridge", "mock_turtlebot4", mock | lock_step),
+            ("cfnav_ros", "lidar_collision_node", {"use_sim_time": True}),
+            ("cfnav_ros", "policy_node", policy | lock_step),
+        )
 
 
 @dataclass(frozen=True)
@@ -283,22 +301,14 @@ class Graph:
 
     def _start_children(self) -> None:
         """Start the nodes in the order in which they are ended in reverse."""
-        config = self.config
-        self.config.logs.mkdir(parents=True, exist_ok=True)
-        sim_time = ["-p", "use_sim_time:=true"]
-        lock_step = ["-p", f"lock_step:={str(config.lock_step).lower()}"]
-        policy = [*lock_step, "-p", f"episode.veto:={str(config.veto).lower()}"]
-        if config.bundle is not None:
-            policy += ["-p", f"bundle:={config.bundle.resolve()}"]
-        nodes = (
-            ("sim_bridge", "mock_turtlebot4", [
-                "-p", f"room:={config.room}", "-p", f"speed:={float(config.speed)}", *lock_step]),
-            ("cfnav_ros", "lidar_collision_node", sim_time),
-            ("cfnav_ros", "policy_node", [*sim_time, *policy]),
-        )  # fmt: skip
-        for package, executable, parameters in nodes:
-            command = [*node_command(package, executable), "--ros-args", *parameters]
-            log = config.logs / f"{executable}.log"
+        logs = self.config.logs
+        logs.mkdir(parents=True, exist_ok=True)
+        for package, executable, parameters in self.config.nodes:
+            command = [*node_command(package, executable), "--ros-args"]
+            for name, value in parameters.items():
+                word = str(value).lower() if isinstance(value, bool) else str(value)
+                command += ["-p", f"{name}:={word}"]
+            log = logs / f"{executable}.log"
             self.children[executable] = Child(executable, command, log, os.environ)
 
     def _wait_until_ready(self) -> None:

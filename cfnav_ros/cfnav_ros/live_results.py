@@ -17,7 +17,7 @@ import tyro
 from cfnav_core.json_file import write_json
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_ros.plan import Trial
-from cfnav_ros.trials import CONDITIONS, read_rows
+from cfnav_ros.trials import CONDITIONS, conditions_of, read_rows
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _by_trial(path: Path) -> dict[Trial, dict[str, Any]]:
 
 def _conditions(path: Path, rows: dict[Trial, dict[str, Any]]) -> dict[str, Any]:
     """What holds for every episode of a file."""
-    found = [{name: row[name] for name in CONDITIONS} for row in rows.values()]
+    found = [conditions_of(row) for row in rows.values()]
     if any(other != found[0] for other in found):
         raise ValueError(f"found episodes run in different ways in {path}; keep one way a file")
     return found[0]

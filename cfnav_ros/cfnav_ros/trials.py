@@ -24,8 +24,11 @@ TEST_ROOMS = ",".join(
     for kind in ("kitchen", "living_room", "bedroom", "bathroom")
 )
 
-CONDITIONS = ("bundle", "speed", "veto", "lock_step")
+CONDITIONS = ("bundle", "speed", "veto", "lock_step", "camera")
 """What each line repeats, and what all lines of a file must share."""
+
+UNSAID = {"camera": "mast"}
+"""What held for lines that were written before this was a condition."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,11 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
+def conditions_of(row: dict[str, Any]) -> dict[str, Any]:
+    """Under which conditions the episode of a line was run."""
+    return {name: row.get(name, UNSAID.get(name)) for name in CONDITIONS}
+
+
 def run(config: TrialsConfig) -> list[Outcome]:
     """Run what is missing and return all outcomes.
 
@@ -75,10 +83,10 @@ def run(config: TrialsConfig) -> list[Outcome]:
 
     known = known_goals(config)
     rows = read_rows(config.out)
-    values = (str(config.bundle or "shipped"), config.speed, config.veto, config.lock_step)
-    conditions = dict(zip(CONDITIONS, values, strict=True))
+    asked = {**asdict(config), "bundle": str(config.bundle or "shipped")}
+    conditions = {name: asked[name] for name in CONDITIONS}
     for row in rows:
-        found = {name: row.get(name) for name in CONDITIONS}
+        found = conditions_of(row)
         if found != conditions:
             raise OSError(
                 f"{config.out} holds episodes run with {found}, not {conditions}; "
@@ -98,6 +106,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
         veto=config.veto,
         domain=config.domain,
         lock_step=config.lock_step,
+        camera=config.camera,
     )
 
     def done(trial: Trial, outcome: Outcome) -> None:

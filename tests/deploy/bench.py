@@ -72,7 +72,7 @@ def _usage(config: DeployConfig) -> dict[str, Any]:
     from tests.deploy.usage import UsageConfig, measure
 
     found = measure(UsageConfig(config.out))
-    return {name: found[name] for name in ("cpu_share", "rss_slope_mb_per_h", "rss_mb")}
+    return {name: found[name] for name in ("cpu_share", "rss_slope_mb_per_h", "rss_mb", "driven")}
 
 
 # Each part imports its own program, so that one that cannot run leaves the others whole.
@@ -111,7 +111,7 @@ def measure(config: DeployConfig) -> dict[str, Any]:
         load = os.getloadavg()[0]
         found |= PARTS[name](config)
         measured[name] = {
-            "commit": commit(),
+            "commit": _commit(name, found),
             "command": shlex.join(["python", "-m", "tests.deploy.bench", *sys.argv[1:]]),
             "load_before": round(load, 2),
             "load_after": round(os.getloadavg()[0], 2),
@@ -123,12 +123,19 @@ def measure(config: DeployConfig) -> dict[str, Any]:
     return found
 
 
+def _commit(part: str, found: dict[str, Any]) -> str:
+    """What was measured: today's commit, or those of the rows, which grow over several calls."""
+    if part != "matrix":
+        return commit()
+    return ", ".join(sorted({name for cell in found["fault_matrix"] for name in cell["commits"]}))
+
+
 def page(found: dict[str, Any]) -> str:
     """The results as Markdown for the docs."""
     lines = ["| measured | figures | command | commit | load |", "|---|---|---|---|---|"]
     keys = {
         "motion": ("motion_error",), "lidar": ("lidar_node_ms",), "calibration": ("calibration",),
-        "usage": ("cpu_share", "rss_slope_mb_per_h", "rss_mb"),
+        "usage": ("cpu_share", "rss_slope_mb_per_h", "rss_mb", "driven"),
     }  # fmt: skip
     for part, about in found["measured"].items():
         for key in keys.get(part, ()):

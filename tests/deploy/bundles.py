@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -9,6 +12,7 @@ import torch
 from torch import Tensor
 
 from cfnav_core.actions import NUM_ACTIONS, Action
+from cfnav_core.bundle import BundleError, BundleHead
 from cfnav_core.models import NavModel
 from cfnav_core.models.base import Seen
 from cfnav_core.vocabulary import CATEGORIES, CATEGORY_ID
@@ -47,8 +51,18 @@ class CountedActions(NavModel):
         return logits, logits[:, :1], {"h": now}
 
 
-def make_bundle(out: Path, lists: Mapping[str, Sequence[Action]]) -> Path:
-    """Write a bundle that answers these actions, one list for each goal; returns its folder."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_bundle(out, CountedActions(lists), tuple(lists))
+def make_bundle(folder: Path, lists: Mapping[str, Sequence[Action]]) -> Path:
+    """Write a bundle that answers these actions, one list for each goal; returns its folder.
+
+    It is named by a hash of the actions, so that one which is there already can be used again.
+    """
+    named = {goal: [action.name for action in actions] for goal, actions in lists.items()}
+    name = hashlib.sha256(json.dumps(named, sort_keys=True).encode()).hexdigest()[:12]
+    out = folder / f"listed-{name}"
+    try:
+        BundleHead.load(out)
+    except BundleError:  # missing, cut short, or made for older code
+        shutil.rmtree(out, ignore_errors=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_bundle(out, CountedActions(lists), tuple(lists))
     return out

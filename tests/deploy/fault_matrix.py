@@ -1,7 +1,8 @@
 """The fault matrix, measured: ``python -m tests.deploy.fault_matrix --out out/bench/faults.jsonl``.
 
 Runs every cell of ``expectations`` on live graphs, several side by side in ROS domains of their
-own, and writes a line for each run as soon as it ends; a second call goes on where it stopped.
+own, and writes a line for each run as soon as it ends; a second call goes on where it stopped. Runs
+that were judged by other terms than today's are made again.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ from tqdm import tqdm
 
 from tests.deploy.bundles import make_bundle
 from tests.deploy.cell import LISTS, CellRun
-from tests.deploy.expectations import EXPECTATIONS, Expectation, Phase
+from tests.deploy.expectations import EXPECTATIONS
+from tests.deploy.judge import JUDGE
 from tests.deploy.matrix_report import summarise, table
-from tests.deploy.places import FreePlace
+from tests.deploy.places import Places
 from tests.deploy.pool import results
+from tests.deploy.reactions import Expectation, Phase
 from tests.deploy.rig import Rig
 
 
@@ -67,14 +70,25 @@ def missing(config: MatrixConfig, rows: Sequence[dict[str, Any]]) -> list[Task]:
     return sorted(tasks, key=lambda task: "_sig" in EXPECTATIONS[task[0]].fault)
 
 
-def run_task(rig: Rig, place: FreePlace, task: Task) -> tuple[dict[str, Any], bool]:
+def today(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows that were judged by the terms of today's table and judge."""
+    terms = {(cell.fault, cell.phase.value): cell.terms for cell in EXPECTATIONS}
+    return [
+        row
+        for row in rows
+        if row.get("terms", ()) == terms.get((row["fault"], row["phase"]))
+        and row.get("judge") == JUDGE
+    ]
+
+
+def run_task(rig: Rig, places: Places, task: Task) -> tuple[dict[str, Any], bool]:
     """Make one run of one cell.
 
     Raises:
         GraphError: it did not come about.
     """
     run = CellRun(rig, EXPECTATIONS[task[0]])
-    return asdict(run.run(place, task[1])), run.broken
+    return asdict(run.run(places, task[1])), run.broken
 
 
 def measure(config: MatrixConfig) -> list[dict[str, Any]]:
@@ -84,13 +98,11 @@ def measure(config: MatrixConfig) -> list[dict[str, Any]]:
         GraphError: some runs did not come about; those that did are written.
         OSError: the file cannot be read or written.
     """
-    rows = read_rows(config.out)
+    rows = today(read_rows(config.out))
     config.out.parent.mkdir(parents=True, exist_ok=True)
     # Rewritten first, as the next line must not continue one that was cut short.
     config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    bundle = config.out.parent / "bundles" / "listed"
-    if not bundle.exists():
-        make_bundle(bundle, LISTS)
+    bundle = make_bundle(config.out.parent / "bundles", LISTS)
     tasks = missing(config, rows)
     logs = config.out.parent / "logs"
     failures, version = [], commit()
@@ -101,7 +113,7 @@ def measure(config: MatrixConfig) -> list[dict[str, Any]]:
                 failures.append(row)
                 progress.write(row)
                 continue
-            rows.append({**row, "commit": version})
+            rows.append({**row, "judge": JUDGE, "commit": version})
             file.write(json.dumps(rows[-1]) + "\n")
             file.flush()
     if failures:

@@ -5,15 +5,25 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
-from tests.deploy.expectations import (
-    NAMES_CAUSE,
-    Expectation,
-    Phase,
-    Reaction,
+from tests.deploy.expectations import NAMES_CAUSE
+from tests.deploy.reactions import Bounded, Expectation, Reaction
+
+JUDGE = 2
+"""Counts the ways of judging; runs that were judged another way are made again."""
+
+CHANGED = (
+    "ef7125c: a fault that is over at once is judged by the mark it leaves",
+    "5eeaf07: a motion is whole when it is less exact, not when it went elsewhere",
+    "46d5399: it is cut short from 3 cm or 6 degrees before its target on, as late commands carry "
+    "it beyond and what is given up falls short",
+    "2e4a58a: a stop needs the episode's end and a sentence that names the cause; a ride after the "
+    "fault was mended is none through it; a motion that finished is no measured stop",
 )
+"""What was changed in judging after measurements had begun: commits and reasons."""
 
 STEP_M, SHORT_M, OFF_M = 0.25, 0.03, 0.08
 TURN_RAD, SHORT_RAD, OFF_RAD = math.pi / 4, math.radians(6.0), math.radians(15.0)
@@ -25,6 +35,9 @@ TWITCH_M, TWITCH_RAD = 0.003, math.radians(0.5)
 
 DRIVING_V = 0.02
 """m/s: faster than this is driving, slower may be the slip of a turn."""
+
+ENDED = ("aborted", "refused", "canceled", "preempted")
+"""Outcomes of a goal that somebody or something has ended; the bundle never says Done."""
 
 RODE_MOTIONS = 2
 """Motions that finish after the fault has begun, the first of them under way, for a ride."""
@@ -75,7 +88,8 @@ class Run:
     Attributes:
         truth: samples, oldest first.
         fault_s: simulated time at which the fault began.
-        mended_s: simulated time at which it was mended by itself; infinite when it was not.
+        mended_s: simulated time at which it was mended by itself; infinite when it was not. Who
+            had to stop may move again then, if the bound was over before.
         outcome: of the goal; empty while it lasts.
         message: the sentence with it.
         vetoes: MoveAheads that were decided and forbidden after the fault began.
@@ -89,12 +103,31 @@ class Run:
     vetoes: int
 
 
+class LastMotion(Enum):
+    """What became of the last motion that the fault met, or that began after it."""
+
+    NONE = "none"
+    CUT_SHORT = "cut short"
+    FINISHED = "finished"
+    LASTS = "lasts"
+
+
 @dataclass(frozen=True)
 class Judgement:
-    """``stop_s``: from the fault to the last motion, or to the last drive where turning is free."""
+    """What a run came to.
+
+    Attributes:
+        reaction: what the deployment did.
+        stop_s: seconds from the fault to the end of what was bounded, or of the last motion; None
+            where nothing was stopped (the last motion finished, or none was under way) or bounded.
+        last_motion: what became of it.
+        contacts: with anything, after the fault.
+        as_expected: whether reaction, time, outcome and sentence are those of the expectation.
+    """
 
     reaction: Reaction
-    stop_s: float
+    stop_s: float | None
+    last_motion: LastMotion
     contacts: int
     as_expected: bool
 
@@ -146,26 +179,67 @@ def judge(run: Run, expected: Expectation) -> Judgement:
     truth = [sample for sample in run.truth if sample.t <= until]
     seen = [m for m in motions(truth) if m.end > run.fault_s]
     last = truth[-1].t
-    moved_s = max((min(m.end, last) - run.fault_s for m in seen), default=0.0)
-    drove_s = max((s.t - run.fault_s for s in truth if abs(s.v) > DRIVING_V), default=0.0)
-    begun_late = [m for m in seen if m.begin > run.fault_s + (bound or 0.0)]
-    at_rest = not seen or seen[-1].end < math.inf
-    if run.outcome == "refused" and not seen:
-        reaction = Reaction.REFUSE
-    elif rode(run):
-        reaction = Reaction.RIDE_THROUGH
-    elif begun_late or not at_rest:
-        reaction = Reaction.DEGRADE
-    else:
-        turned = expected.phase is Phase.TURNING and bound is not None and moved_s > bound
-        reaction = Reaction.DEGRADE if turned and drove_s <= bound else Reaction.STOP
-    turning_is_free = expected.reaction is Reaction.DEGRADE and bound is not None
-    stop_s = max(drove_s if turning_is_free else moved_s, 0.0)
+    times = {
+        Bounded.MOTIONS: max((min(m.end, last) - run.fault_s for m in seen), default=0.0),
+        Bounded.DRIVES: max((s.t - run.fault_s for s in truth if abs(s.v) > DRIVING_V), default=0),
+        Bounded.UNDER_WAY: min(seen[0].end, last) - run.fault_s if seen else 0.0,
+    }
+    reaction = _reaction(replace(run, truth=truth), expected, seen, times)
+    bounded_s = max(times.get(expected.bounded, 0.0), 0.0)
+    stop_s = bounded_s or times[Bounded.MOTIONS]
     contacts = truth[-1].collisions - truth[0].collisions
-    in_time = bound is None or stop_s <= bound
-    named = not _complained(run) or bool(re.search(_cause(expected.fault), run.message))
-    as_expected = expected.met_by(reaction) and in_time and named and not contacts
-    return Judgement(reaction, round(stop_s, 3), contacts, as_expected)
+    in_time = bound is None or bounded_s <= bound
+    last_motion = _last(seen[:1] if expected.bounded is Bounded.UNDER_WAY else seen)
+    drove = expected.bounded is Bounded.DRIVES and bounded_s > 0
+    cut = drove or last_motion in (LastMotion.CUT_SHORT, LastMotion.LASTS)
+    return Judgement(
+        reaction,
+        round(stop_s, 3) if cut and bound is not None else None,
+        last_motion,
+        contacts,
+        expected.met_by(reaction) and in_time and _told(run, expected) and not contacts,
+    )
+
+
+def _reaction(
+    run: Run, expected: Expectation, seen: Sequence[MotionSeen], times: Mapping[Bounded, float]
+) -> Reaction:
+    bound = expected.bound_s or 0.0
+    begun_late = any(m.begin > run.fault_s + bound for m in seen)
+    if expected.bounded is Bounded.UNDER_WAY:
+        begun_late = len(seen) > 1
+    if run.outcome == "refused" and not seen:
+        return Reaction.REFUSE
+    if rode(run):
+        return Reaction.RIDE_THROUGH
+    if begun_late or _last(seen) is LastMotion.LASTS:
+        return Reaction.DEGRADE
+    turn_is_free = expected.bounded is Bounded.DRIVES
+    late = times[Bounded.DRIVES] <= bound < times[Bounded.MOTIONS]
+    return Reaction.DEGRADE if turn_is_free and late else Reaction.STOP
+
+
+def _last(seen: Sequence[MotionSeen]) -> LastMotion:
+    if not seen:
+        return LastMotion.NONE
+    if seen[-1].end == math.inf:
+        return LastMotion.LASTS
+    return LastMotion.FINISHED if seen[-1].complete else LastMotion.CUT_SHORT
+
+
+def _told(run: Run, expected: Expectation) -> bool:
+    """Whether the goal ended as it should, with a sentence that names the cause; or goes on."""
+    if expected.ends or expected.reaction is Reaction.REFUSE:
+        return run.outcome in ENDED and _names_cause(run, expected)
+    if expected.reaction is Reaction.RIDE_THROUGH:
+        return not run.outcome
+    if run.outcome == "step_limit":  # a way that stays closed is asked for again and again
+        return True
+    return not run.outcome or (run.outcome in ENDED and _names_cause(run, expected))
+
+
+def _names_cause(run: Run, expected: Expectation) -> bool:
+    return bool(re.search(_cause(expected.fault), run.message))
 
 
 def _free_again(run: Run, expected: Expectation) -> float:
@@ -173,10 +247,6 @@ def _free_again(run: Run, expected: Expectation) -> float:
     bound = expected.bound_s or 0.0
     mended = expected.reaction is Reaction.STOP and run.mended_s > run.fault_s + bound
     return run.mended_s if mended else math.inf
-
-
-def _complained(run: Run) -> bool:
-    return run.outcome in ("aborted", "refused")
 
 
 def _cause(fault: str) -> str:

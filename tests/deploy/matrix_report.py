@@ -8,14 +8,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.deploy.expectations import EXPECTATIONS, Phase
+from tests.deploy import judge
+from tests.deploy.expectations import EXPECTATIONS
+from tests.deploy.reactions import Phase
 
 COLOURS = {True: "#2a9d8f", False: "#e76f51"}
 """As expected or not; told apart in grey too."""
 
 
 def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One dictionary for each cell that was measured, in the order of the expectations."""
+    """One dictionary for each cell that was measured, in the order of the expectations.
+
+    Times are of the runs in which something was stopped; None where that was none.
+    """
     runs = defaultdict(list)
     for row in rows:
         runs[row["fault"], row["phase"]].append(row)
@@ -24,7 +29,7 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         made = runs.get((expected.fault, expected.phase.value))
         if not made:
             continue
-        stops = [row["stop_s"] for row in made]
+        stops = [row["stop_s"] for row in made if row["stop_s"] is not None]
         reactions = Counter(row["reaction"] for row in made)
         cells.append({
             "fault": expected.fault,
@@ -34,13 +39,18 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "expected": expected.reaction.value,
             "reason": expected.reason,
             "runs": len(made),
-            "stop_s_min": min(stops),
-            "stop_s_median": statistics.median(stops),
-            "stop_s_max": max(stops),
+            "stops": len(stops),
+            "stop_s_min": min(stops, default=None),
+            "stop_s_median": statistics.median(stops) if stops else None,
+            "stop_s_max": max(stops, default=None),
+            "last_motions": dict(Counter(row["last_motion"] for row in made)),
             "bound_s": None if expected.bound_s is None else round(expected.bound_s, 3),
             "as_expected": all(row["as_expected"] for row in made),
             "runs_as_expected": sum(row["as_expected"] for row in made),
             "contacts": sum(row["contacts"] for row in made),
+            "before_wall": sum(row["place"] == "wall" for row in made),
+            "attempts": sum(row["attempts"] for row in made),
+            "changed": expected.changed,
             "commits": sorted({row["commit"] for row in made}),
             "message": next((row["message"] for row in made if row["message"]), ""),
         })  # fmt: skip
@@ -50,8 +60,9 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def table(cells: Sequence[dict[str, Any]]) -> str:
     """The cells as Markdown, a row for each fault; what was measured first told in a sentence.
 
-    A cell says the reaction, the median and longest time to rest and its bound in seconds; one that
-    was not as expected in every run also in how many it was, and what was expected.
+    A cell says the reaction, the median and longest time to rest and its bound in seconds, or that
+    the motion finished and none followed; one that was not as expected in every run also in how
+    many it was, and what was expected.
     """
     met = sum(cell["as_expected"] for cell in cells)
     phases = [phase.value for phase in Phase]
@@ -59,16 +70,24 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
     for cell in cells:
         by_fault[cell["fault"]][cell["phase"]] = _in_words(cell)
     reasons = {cell["fault"]: cell["reason"] for cell in cells}
+    changes: dict[str, dict[str, None]] = defaultdict(dict)
+    for cell in cells:
+        changes[cell["fault"]] |= dict.fromkeys(filter(None, [cell["changed"]]))
+    total = {name: sum(c[name] for c in cells) for name in ("runs", "contacts", "before_wall")}
+    repeated = sum(c["attempts"] for c in cells) - total["runs"]
     return "\n".join([
-        f"{met} of {len(cells)} cells as expected, {sum(c['runs'] for c in cells)} runs, "
-        f"{sum(c['contacts'] for c in cells)} contacts, at commit "
-        f"{', '.join(sorted({name for c in cells for name in c['commits']}))}.",
+        f"{met} of {len(cells)} cells as expected, {total['runs']} runs ({total['before_wall']} "
+        f"before a wall), {total['contacts']} contacts, at commit "
+        f"{', '.join(sorted({name for c in cells for name in c['commits']}))}. {repeated} attempts "
+        "did not come about and were made again.",
         "",
-        f"| fault | {' | '.join(phases)} | why |",
-        f"|---{'|---' * len(phases)}|---|",
+        "Changed in judging since measurements began: " + "; ".join(judge.CHANGED) + ".",
+        "",
+        f"| fault | {' | '.join(phases)} | why | changed since measurements began |",
+        f"|---{'|---' * len(phases)}|---|---|",
         *(
             f"| `{fault}` | {' | '.join(found.get(phase, '') for phase in phases)} | "
-            f"{reasons[fault]} |"
+            f"{reasons[fault]} | {'; '.join(changes[fault])} |"
             for fault, found in by_fault.items()
         ),
     ])  # fmt: skip
@@ -76,14 +95,21 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
 
 def _in_words(cell: dict[str, Any]) -> str:
     reaction, bound = cell["reaction"].replace("_", " "), cell["bound_s"]
-    timed = cell["reaction"] in ("stop", "degrade") and bound is not None
-    times = (
-        f" {cell['stop_s_median']:.2f}, {cell['stop_s_max']:.2f} of {bound:.2f}" if timed else ""
-    )
+    times = ""
+    if cell["reaction"] in ("stop", "degrade") and bound is not None:
+        if cell["stops"]:
+            times = f" {cell['stop_s_median']:.2f}, {cell['stop_s_max']:.2f} of {bound:.2f}"
+        else:
+            times = _unmeasured(cell)
     if cell["as_expected"]:
         return reaction + times
     met = f"{cell['runs_as_expected']} of {cell['runs']} as expected"
     return f"**{reaction}{times}: {met}, {cell['expected'].replace('_', ' ')}**"
+
+
+def _unmeasured(cell: dict[str, Any]) -> str:
+    """What stands where a time would, as nothing had to be stopped."""
+    return ": finished, none followed" if "finished" in cell["last_motions"] else ": stood, stays"
 
 
 def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:
@@ -127,7 +153,8 @@ def _draw_cell(axis: Any, x: int, y: int, cell: dict[str, Any]) -> None:
     axis.add_patch(Rectangle((x + 0.02, y + 0.05), 0.96, 0.9, color=colour))
     text = cell["reaction"]
     if cell["reaction"] not in ("refuse", "ride_through") and cell["bound_s"] is not None:
-        text += f" {cell['stop_s_max']:.2f} / {cell['bound_s']:.2f}"
+        timed = f" {cell['stop_s_max']:.2f} / {cell['bound_s']:.2f}" if cell["stops"] else ""
+        text += timed or _unmeasured(cell)
     elif cell["reaction"] != cell["expected"]:
         text += f", not {cell['expected']}"
     text = text.replace("_", " ")

@@ -25,7 +25,7 @@ from cfnav_core.json_file import write_json
 from cfnav_core.vocabulary import CATEGORIES
 from tests.deploy.bundles import make_bundle
 from tests.deploy.judge import Truth, rests
-from tests.deploy.places import ROOM, FreePlace, widest_place
+from tests.deploy.places import ROOM, Places, widest_place
 from tests.deploy.pool import results
 from tests.deploy.rig import Rig
 
@@ -91,23 +91,28 @@ def errors(truth: Sequence[Truth], actions: Sequence[Action]) -> list[dict[str, 
 
 
 def drive(
-    rig: Rig, place: FreePlace, task: tuple[str, tuple[Action, ...], int]
+    rig: Rig, places: Places, task: tuple[str, tuple[Action, ...], int]
 ) -> tuple[dict[str, Any], bool]:
     """Drive one list of actions from the middle of the free place.
 
-    Raises:
-        GraphError: it did not come to its end.
+    A drive that ends early, or whose motions cannot be told apart, is a result too: it comes back
+    with a ``failure`` that says why, and without motions.
     """
     goal, actions, number = task
+    place = places.open
     rig.prepare(ROOM, (place.x, place.y, number % 8 * TURN_RAD), number)
     result = rig.graph.send_goal(goal).get_result_async()
     if not rig.watch(result.done, PATIENCE_S * len(actions)):
-        raise GraphError("the drive did not end")
+        return {"motions": [], "failure": "the drive did not end"}, False
     ended = result.result().result
     if ended.outcome != "done":
-        raise GraphError(f"the drive ended as {ended.outcome}: {ended.message}")
+        failure = f"the drive ended as {ended.outcome}: {ended.message}"
+        return {"motions": [], "failure": failure}, False
     made = [a for a, decision in zip(actions, rig.decisions, strict=False) if not decision.vetoed]
-    return {"motions": errors(rig.truth, made), "vetoes": ended.vetoes}, False
+    try:
+        return {"motions": errors(rig.truth, made), "failure": ""}, False
+    except GraphError as error:
+        return {"motions": [], "failure": str(error)}, False
 
 
 def figures(motions: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
@@ -126,10 +131,10 @@ def figures(motions: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
 
 
 def measure(config: MotionConfig) -> dict[str, Any]:
-    """Drive, write the results and return the figures.
+    """Drive, write the results and return the figures, with how many drives they leave out.
 
     Raises:
-        GraphError: some drives did not come to their end.
+        GraphError: --n makes no sense, or graphs failed again and again.
     """
     rng = np.random.default_rng(config.seed)
     reach = widest_place().reach
@@ -137,23 +142,35 @@ def measure(config: MotionConfig) -> dict[str, Any]:
     if not 0 < count <= len(CATEGORIES):
         raise GraphError(f"--n is {config.n}, expected 1 to {PER_GOAL * len(CATEGORIES)}")
     lists = {goal: tuple(draw_actions(rng, reach)) for goal in CATEGORIES[:count]}
-    name = f"random-{config.seed}-{count}"
-    bundle = config.out / "bundles" / name
-    if not bundle.exists():
-        make_bundle(bundle, {goal: (*some, Action.Done) for goal, some in lists.items()})
+    listed = {goal: (*some, Action.Done) for goal, some in lists.items()}
+    bundle = make_bundle(config.out / "bundles", listed)
     tasks = [(goal, some, number) for number, (goal, some) in enumerate(lists.items())]
-    motions: list[dict[str, Any]] = []
-    failures = []
+    drives: list[dict[str, Any]] = []
+    broken = []
     logs = config.out / "logs"
     for row in tqdm(results(drive, tasks, bundle, logs, config.graphs), total=count, unit="drive"):
         if isinstance(row, str):
-            failures.append(row)
+            broken.append(row)
         else:
-            motions += row["motions"]
-    if failures:
-        raise GraphError(f"{len(failures)} of {count} drives failed, such as: {failures[0]}")
-    found = figures(motions)
-    write_json(config.out / "motion_error.json", {**found, "motions": motions})
+            drives.append(row)
+    motions = [motion for row in drives for motion in row["motions"]]
+    if broken or not motions:
+        told = broken or [row["failure"] for row in drives]
+        raise GraphError(f"{len(told)} of {count} drives failed, such as: {told[0]}")
+    failures = [row["failure"] for row in drives if row["failure"]]
+    found = {
+        **figures(motions),
+        "drives": {
+            "n": count,
+            "left_out": len(failures),
+            "attempts": sum(row["attempts"] for row in drives),
+        },
+    }
+    repeated = [sentence for row in drives for sentence in row["failures"]]
+    write_json(
+        config.out / "motion_error.json",
+        {**found, "motions": motions, "failures": failures, "repeated": repeated},
+    )
     draw(motions, config.out / "motion_error.png")
     return found
 

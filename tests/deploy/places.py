@@ -1,4 +1,4 @@
-"""Where the robot is put: the widest free place of a room, so that a step meets nothing."""
+"""Where the robot is put: in the widest free place of a room, or before what bounds that place."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 from sim_bridge.room import generate_room, parse_room
-from sim_bridge.world import HULL_RADIUS, World
+from sim_bridge.world import HULL_RADIUS, LIDAR_X, Pose, World
 
 ROOM = "bedroom:16"
 """The built-in training room with the widest free place: a disc of 1.5 m radius."""
@@ -16,6 +16,12 @@ ROOM = "bedroom:16"
 CELL_M = 0.05
 ASTERN_M = 0.85
 """How far behind the centre of the free place a drive begins."""
+
+AHEAD_M = 0.40
+"""Free way of the hull before a wall: one MoveAhead is allowed, a second one would touch."""
+
+SEEN_M = 0.10
+"""The laser must see the wall no further than this behind where the hull would touch it."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +37,47 @@ class FreePlace:
         yaw = heading % 8 * math.pi / 4
         return self.x - ASTERN_M * math.cos(yaw), self.y - ASTERN_M * math.sin(yaw), yaw
 
+    def towards(self, way: float, yaw: float) -> tuple[float, float]:
+        """The point that lies ``way`` metres from the centre, in a direction in rad."""
+        return self.x + way * math.cos(yaw), self.y + way * math.sin(yaw)
+
     @property
     def reach(self) -> float:
         """Metres from the centre at which the hull still stands well inside the disc."""
         return self.radius - HULL_RADIUS - 0.15
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where runs begin: in the open, or at poses (m, m, rad) with ``AHEAD_M`` before a wall."""
+
+    open: FreePlace
+    walls: tuple[tuple[float, float, float], ...]
+
+    def before_wall(self, number: int) -> tuple[float, float, float]:
+        """One of the poses before a wall, in turn."""
+        return self.walls[number // 2 % len(self.walls)]
+
+
+def find_places(room: str = ROOM) -> Places:
+    """Find the widest place of a room, and what the laser sees around it that a drive would touch.
+
+    Raises:
+        ValueError: the room has no wall of this kind.
+    """
+    world = World(generate_room(*parse_room(room)))
+    middle = widest_place(room)
+    walls = []
+    for yaw in (k * math.pi / 4 for k in range(8)):
+        ways = np.arange(middle.reach, 6.0, 0.01)
+        touched = next(w for w in ways if not world.free(*middle.towards(w, yaw)))
+        x, y = middle.towards(touched - AHEAD_M, yaw)
+        seen = float(world.scan(Pose(x, y, yaw), np.zeros(1, int))[0]) + LIDAR_X - HULL_RADIUS
+        if abs(seen - AHEAD_M) < SEEN_M:
+            walls.append((float(x), float(y), yaw))
+    if not walls:
+        raise ValueError(f"found no wall around the widest place of {room}; choose another room")
+    return Places(middle, tuple(walls))
 
 
 def widest_place(room: str = ROOM) -> FreePlace:
@@ -43,4 +86,5 @@ def widest_place(room: str = ROOM) -> FreePlace:
     occupied = np.pad(world.occupancy(CELL_M) > 0, 1, constant_values=True)
     distance = distance_transform_edt(~occupied) * CELL_M
     row, column = np.unravel_index(distance.argmax(), distance.shape)
-    return FreePlace((column - 0.5) * CELL_M, (row - 0.5) * CELL_M, float(distance.max()) - CELL_M)
+    x, y = float((column - 0.5) * CELL_M), float((row - 0.5) * CELL_M)
+    return FreePlace(x, y, float(distance.max()) - CELL_M)

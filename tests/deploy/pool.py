@@ -12,13 +12,13 @@ from cfnav_ros.graph import Graph, GraphConfig
 from cfnav_ros.processes import GraphError
 from cfnav_ros.stop_signal import INTERRUPT
 
-from tests.deploy.places import ROOM, FreePlace, widest_place
+from tests.deploy.places import ROOM, Places, find_places
 from tests.deploy.rig import Rig
 
 ATTEMPTS = 3
 """Graphs that may fail a task before it is given up."""
 
-Work = Callable[[Rig, FreePlace, Any], tuple[dict[str, Any], bool]]
+Work = Callable[[Rig, Places, Any], tuple[dict[str, Any], bool]]
 """Does one task; returns its result, and whether the graph cannot be used any more."""
 
 
@@ -26,6 +26,8 @@ def results(
     work: Work, tasks: Sequence[Any], bundle: Path, logs: Path, graphs: int
 ) -> Iterator[dict[str, Any] | str]:
     """Do all tasks and yield each result as it comes, or a sentence for a task that failed.
+
+    To each result is added how many ``attempts`` it took, and the sentences of the ``failures``.
 
     Args:
         work: function of a module, so that other processes can find it.
@@ -87,24 +89,24 @@ class _Lab:
 
     def __init__(self, bundle: Path, logs: Path) -> None:
         self._bundle, self._logs = bundle, logs
-        self._place = widest_place()
+        self._places = find_places()
         self._opened = 0
         self._rig: Rig | None = None
 
     def do(self, work: Work, task: Any) -> dict[str, Any] | str:
         """Do a task, on another graph if need be."""
-        failure = ""
-        for _ in range(ATTEMPTS):
+        failures: list[str] = []
+        while len(failures) < ATTEMPTS:
             try:
-                result, broken = work(self._open(), self._place, task)
+                result, broken = work(self._open(), self._places, task)
             except GraphError as error:
-                failure = str(error)
+                failures.append(str(error))
                 self.close()
                 continue
             if broken:
                 self.close()
-            return result
-        return failure
+            return {**result, "attempts": len(failures) + 1, "failures": failures}
+        return failures[-1]
 
     def _open(self) -> Rig:
         if self._rig is None:

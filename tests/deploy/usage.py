@@ -114,6 +114,7 @@ class _Drive:
         self.graph, self.room = graph, room
         self.now = 0.0
         self.goals_sought = 0
+        self.decisions, self.metres = 0, 0.0
         graph.node.create_subscription(GroundTruth, "ground_truth/state", self._on_truth, 10)
         self._goals: Sequence[str] = graph.start_episode(room, "none", 0).goals
         if not self._goals:
@@ -123,13 +124,29 @@ class _Drive:
         self.now = stamp_to_seconds(message.header.stamp)
 
     def seek(self, until: Callable[[], bool]) -> None:
-        """Seek goals until a condition holds."""
+        """Seek goals until a condition holds.
+
+        Raises:
+            GraphError: a goal was refused, so that nothing drives.
+        """
         while not until():
             goal = self._goals[self.goals_sought % len(self._goals)]
             if self.graph.start_episode(self.room, goal, self.goals_sought).ok:
-                self.graph.navigate(goal, MAX_STEPS)
-                self.graph.end_episode()
+                result = self.graph.navigate(goal, MAX_STEPS)
+                if result.outcome == "refused":
+                    raise GraphError(f"policy_node refused the goal {goal!r}: {result.message}")
+                self.decisions += result.steps
+                self.metres += self.graph.end_episode().path_length
             self.goals_sought += 1
+
+    @property
+    def driven(self) -> dict[str, float]:
+        """What was done, so that nobody takes the cost of standing for that of driving."""
+        return {
+            "goals": self.goals_sought,
+            "decisions": self.decisions,
+            "metres": round(self.metres, 2),
+        }
 
     def rest(self, until: Callable[[], bool]) -> None:
         """Do nothing but receive until a condition holds."""
@@ -154,6 +171,7 @@ def measure(config: UsageConfig) -> dict[str, Any]:
         drive = _Drive(graph, config.room)
         shares["idle"] = cpu_share(pids, lambda: drive.rest(_after(config.seconds)))
         shares["driving"] = cpu_share(pids, lambda: drive.seek(_after(config.seconds)))
+        done = {"cpu_share": drive.driven}
     with Graph(GraphConfig(config.room, config.out / "logs" / "memory", speed=0.0)) as graph:
         pids = {name: child.pid for name, child in graph.children.items()}
         drive = _Drive(graph, config.room)
@@ -164,7 +182,7 @@ def measure(config: UsageConfig) -> dict[str, Any]:
         "rss_slope_mb_per_h": memory.slopes(),
         "rss_mb": {name: round(values[-1], 1) for name, values in memory.rss_mb.items()},
         "simulated_minutes": config.minutes,
-        "goals": drive.goals_sought,
+        "driven": {**done, "rss": drive.driven},
     }
     samples = {"times_s": memory.times_s, "rss_mb": memory.rss_mb}
     write_json(config.out / "usage.json", {**found, "samples": samples})

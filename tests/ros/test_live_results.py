@@ -61,6 +61,18 @@ def test_what_cannot_be_compared_says_why(tmp_path, second, words):
         live_results(ours, second(tmp_path / "plain.jsonl"))
 
 
+def test_another_camera_is_another_condition(tmp_path):
+    rows = [("kitchen:20", "Fridge", True, 0)]
+    mast, unsaid = (
+        write(tmp_path / "a.jsonl", rows, camera="mast"),
+        write(tmp_path / "b.jsonl", rows),
+    )
+    sold = write(tmp_path / "c.jsonl", rows, camera="preview")
+    assert live_results(mast, unsaid)["camera"] == "mast"
+    with pytest.raises(ValueError, match="run both alike"):
+        live_results(mast, sold)
+
+
 def test_a_file_of_mixed_trials_is_refused(tmp_path):
     path = write(tmp_path / "ours.jsonl", [("kitchen:20", "Fridge", True, 0)])
     other = write(tmp_path / "other.jsonl", [("kitchen:21", "Fridge", True, 0)], speed=1.0)
