@@ -27,16 +27,10 @@ LOOK_S = 0.2
 """Between looks at the processes and their logs."""
 
 
-@dataclass(frozen=True)
-class Robot:
-    """Drive a robot that is up: the LiDAR collision node and the policy node.
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """What robot and simulation have in common."""
 
-    ROS_DOMAIN_ID and the discovery settings stay those of the shell.
-    """
-
-    params: str
-    """Parameter file: a path, or the name of one that cfnav_bringup brings, such as
-    turtlebot4_stock.yaml."""
     goal: str = ""
     """Sought from the start; without one the node waits for navigate_to_object."""
     namespace: str = ""
@@ -49,10 +43,24 @@ class Robot:
     """Folder for the log of each process."""
 
 
-@dataclass(frozen=True)
-class Simulation:
+@dataclass(frozen=True, kw_only=True)
+class Robot(Drive):
+    """Drive a robot that is up: the LiDAR collision node and the policy node.
+
+    ROS_DOMAIN_ID and the discovery settings stay those of the shell.
+    """
+
+    params: str
+    """Parameter file: a path, or the name of one that cfnav_bringup brings, such as
+    turtlebot4_stock.yaml."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulation(Drive):
     """Drive the mock TurtleBot 4 on this machine; nothing of it reaches another one."""
 
+    params: str = "simulation.yaml"
+    """Parameter file, as for a robot."""
     room: str = ""
     """<type>:<seed>, such as kitchen:25; seeds 20 to 29 were never trained on."""
     seed: int | None = None
@@ -61,18 +69,6 @@ class Simulation:
     """Simulated seconds per second; 0 is as fast as the machine can."""
     faults: Path | None = None
     """Schedule of faults."""
-    params: str = "simulation.yaml"
-    """Parameter file, as for a robot."""
-    goal: str = ""
-    """Sought from the start; without one the node waits for navigate_to_object."""
-    namespace: str = ""
-    """As for a robot."""
-    bundle: Path | None = None
-    """Bundle that drives; the shipped one when not given."""
-    bag: Path | None = None
-    """Record the drive into this folder."""
-    logs: Path = Path("out/bringup")
-    """Folder for the log of each process."""
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,12 @@ from __future__ import annotations
 import sys
 import time
 
-import rclpy
 from builtin_interfaces.msg import Time
 from cfnav_interfaces.msg import CollisionEstimate
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
@@ -25,9 +22,9 @@ from cfnav_ros import conversions
 from cfnav_ros.lidar import Estimate, Verdict, blind
 from cfnav_ros.lidar_diagnostics import ScanStats
 from cfnav_ros.mounting import Mounting, told
+from cfnav_ros.node_process import run_node
 from cfnav_ros.parameters import LidarParameters, declare
 from cfnav_ros.scan_watch import GRAPH_S, ScanWatch
-from cfnav_ros.stop_signal import StopSignal
 
 NAME = "lidar_collision_node"
 
@@ -154,27 +151,8 @@ class LidarCollisionNode(Node):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM.
-
-    Returns:
-        0 when told to end, 2 when a parameter cannot be used.
-    """
-    stop = StopSignal()
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = LidarCollisionNode()
-    except (ValueError, RuntimeError) as error:
-        print(f"{NAME}: {error}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    try:
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while not stop:
-            executor.spin_once(timeout_sec=0.1)
-    finally:
-        rclpy.try_shutdown()
-    return 0
+    """Run until SIGINT or SIGTERM; the exit code is that of ``run_node``."""
+    return run_node(NAME, LidarCollisionNode, args)
 
 
 if __name__ == "__main__":

@@ -9,21 +9,18 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-import rclpy
 from cfnav_interfaces.msg import CollisionEstimate, EpisodeStatus, PolicyDecision
 from geometry_msgs.msg import Point, Pose, Vector3
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cfnav_core.actions import STEP_M, Action
 from cfnav_ros.lidar import SweptDisc, Verdict
+from cfnav_ros.node_process import run_node
 from cfnav_ros.parameters import declare
 from cfnav_ros.settings import setting
-from cfnav_ros.stop_signal import StopSignal
 
 SHOWN_M = 1.5
 """Longest clearance that is drawn."""
@@ -102,27 +99,8 @@ def _marker(estimate: CollisionEstimate, number: int, kind: int) -> Marker:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM.
-
-    Returns:
-        0 when told to end, 2 when a parameter cannot be used.
-    """
-    stop = StopSignal()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = MarkersNode()
-    except ValueError as error:
-        print(f"markers_node: {error}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        while not stop:
-            executor.spin_once(timeout_sec=0.1)
-    finally:
-        rclpy.try_shutdown()
-    return 0
+    """Run until SIGINT or SIGTERM; the exit code is that of ``run_node``."""
+    return run_node("markers_node", MarkersNode, args)
 
 
 if __name__ == "__main__":

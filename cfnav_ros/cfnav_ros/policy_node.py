@@ -16,18 +16,16 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
 
-import rclpy
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import EpisodeStatus, Moment, MomentDone, PolicyDecision
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
-from cfnav_core.policy import BundleError, Policy
+from cfnav_core.policy import Policy
 from cfnav_ros import conversions
 from cfnav_ros.clock_watch import Alarm, ClockWatch
 from cfnav_ros.diagnostics import (
@@ -42,9 +40,9 @@ from cfnav_ros.episode import Episode, Phase, StepRecord
 from cfnav_ros.goals import Goal, Goals
 from cfnav_ros.lock_step import LOST_S, Answer, LockStep
 from cfnav_ros.motion import STOP
+from cfnav_ros.node_process import run_node
 from cfnav_ros.parameters import PolicyParameters, declare
 from cfnav_ros.senses import Senses
-from cfnav_ros.stop_signal import StopSignal
 from cfnav_ros.velocity import Velocity
 
 GUARD_PERIOD_S = 0.1
@@ -332,12 +330,13 @@ class PolicyNode(Node):
 
     # The end
 
-    def shut_down(self, spend: Callable[[float], None]) -> None:
+    def shut_down(self, executor: Executor) -> None:
         """Send zeros for long enough to arrive, end a running episode, and let the policy finish.
 
         Args:
-            spend: takes at most so many seconds, if possible serving what is still asked for.
+            executor: serves what is still asked for meanwhile.
         """
+        spend: Callable[[float], None] = executor.spin_once
         self._velocity.send(STOP)
         owed = self._velocity.speaks or self._goals.current is not None  # zeros, or a result
         self._goals.close()
@@ -364,26 +363,7 @@ def main(args: list[str] | None = None) -> int:
     Returns:
         0 when told to end, 1 when a callback failed, 2 when bundle or parameters cannot be used.
     """
-    stop = StopSignal()
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = PolicyNode()
-    except (ValueError, RuntimeError, BundleError) as error:
-        print(f"policy_node: {error}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        while not stop:
-            executor.spin_once(timeout_sec=0.1)
-        return 0
-    except Exception:
-        traceback.print_exc()
-        return 1
-    finally:
-        node.shut_down(executor.spin_once)
-        rclpy.try_shutdown()
+    return run_node("policy_node", PolicyNode, args, PolicyNode.shut_down)
 
 
 if __name__ == "__main__":

@@ -80,7 +80,11 @@ _SCAN = {
     "scan_sector_30": _blind("blind scan", "30 degrees ahead hide what is as wide as a step needs"),
     "scan_sector_90": _blind("blind scan", "the way ahead is unknown"),
     "scan_sector_180": _blind("blind scan", "the way ahead is unknown"),
-    "scan_speckle": _rides("a lone near return that the scan before had not is a ghost"),
+    "scan_speckle": (
+        DEGRADES, DEGRADES, DEGRADES,
+        "a lone near return that the scan before had not is a ghost; two in a row at one place, "
+        "2 in 100 of those drawn, are not",
+    ),
     "scan_ranges_0": _blind("blind scan", "a scan without ranges is malformed"),
     "scan_ranges_1": _blind("blind scan", "one range is no turn"),
     "scan_ranges_360": _rides("360 returns without copies are a whole turn"),
@@ -206,14 +210,20 @@ GOES_ON = {
 }
 """Faults after which a stop is not followed by the episode's end, and why."""
 
-MAY_RIDE = (("scan_burst_loss", Phase.TURNING), ("scan_burst_loss", Phase.WAITING))
-"""Cells in which the MoveAhead that follows meets a gap that outlasts the limit, or another one."""
+MAY_RIDE = (
+    ("scan_burst_loss", Phase.TURNING),
+    ("scan_burst_loss", Phase.WAITING),
+    *(("scan_speckle", phase) for phase in Phase),
+)
+"""Cells in which chance says what a MoveAhead meets: a gap that outlasts the limit or another one,
+ghosts at one place or apart."""
 
 CHANGED = {
     "scan_burst_loss": "2e4a58a: the motion under way is bounded, nothing was; aa95d81: later "
     "gaps, some of two scans, may be ridden through",
     "scan_late_0.2": "2e4a58a: was degrade; a scan's age counts from the end of its turn (a2c1a9d)",
-    "scan_speckle": "6e16636: was degrade; a lone near return is a ghost by the reference",
+    "scan_speckle": "6e16636: was degrade; a lone near return is a ghost by the reference; "
+    "NEWHASH: degrade again or ride through, as two in a row at one place end a MoveAhead",
     "scan_mirrored": "6e16636: was ride through; front and rear swap, so that the posts tell",
     "odom_slip": "3607c94: was stop, but at rest nothing is wrong; 2e4a58a: the motion under "
     "way is bounded, nothing was",

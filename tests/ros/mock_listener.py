@@ -138,13 +138,16 @@ class Listener:
         self.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
 
     def drive(self, v, w, condition, what, unstamped=False):
-        """Renew a command at every odometry message until a condition holds."""
-        sent = [0]
+        """Renew a command at every odometry message until a condition holds.
+
+        Returns the stamp (s) of the last odometry that was answered with a command.
+        """
+        sent, answered = [0], [0.0]
 
         def renew():
             if len(self.heard["odom"]) == sent[0]:
                 return
-            sent[0] = len(self.heard["odom"])
+            sent[0], answered[0] = len(self.heard["odom"]), self.odometry_time()
             twist = Twist()
             twist.linear.x, twist.angular.z = v, w
             if unstamped:
@@ -155,6 +158,11 @@ class Listener:
                 self.velocity.publish(message)
 
         self.wait(condition, what, renew)
+        return answered[0]
+
+    def odometry_time(self):
+        """The newest odometry's stamp (s); by a listener that lags, behind the clock's."""
+        return seconds(self.last("odom").header.stamp)
 
     def bumps(self):
         """The zones in which the newest hazards say that something presses the bumper."""

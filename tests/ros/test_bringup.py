@@ -88,7 +88,13 @@ def test_every_parameter_says_why(file: Path) -> None:
 
 def test_robot_gets_the_file_the_namespace_and_what_was_given(tmp_path: Path) -> None:
     file = str(FILES[0])
-    config = Robot(file, "Laptop", "robot1", tmp_path / "bundle", tmp_path / "bag")
+    config = Robot(
+        params=file,
+        goal="Laptop",
+        namespace="robot1",
+        bundle=tmp_path / "bundle",
+        bag=tmp_path / "bag",
+    )
     recorder, lidar, policy = parts(config)
     common = ("-r", "__ns:=/robot1", "--params-file", file)
     assert lidar == Part("cfnav_ros", "lidar_collision_node", common)
@@ -102,7 +108,7 @@ def test_robot_gets_the_file_the_namespace_and_what_was_given(tmp_path: Path) ->
 
 def test_simulation_starts_the_mock_first() -> None:
     file = str(CONFIG / "simulation.yaml")
-    mock, lidar, policy = parts(Simulation("kitchen:25", 3, 2.0, params=file))
+    mock, lidar, policy = parts(Simulation(room="kitchen:25", seed=3, speed=2.0, params=file))
     assert mock.executable == "mock_turtlebot4"
     assert mock.arguments[-6:] == ("-p", "room:=kitchen:25", "-p", "seed:=3", "-p", "speed:=2.0")
     assert lidar.arguments == policy.arguments == ("--params-file", file)

@@ -14,7 +14,7 @@ from cfnav_ros.policy_node import GUARD_PERIOD_S  # noqa: E402
 from cfnav_ros.velocity import CHECK_S  # noqa: E402
 from sim_bridge.faults import FAULTS  # noqa: E402
 
-from cfnav_ros import lidar_collision_node, policy_node  # noqa: E402
+from cfnav_ros import lidar_collision_node, node_process  # noqa: E402
 from tests.deploy.expectations import (  # noqa: E402
     CHANGED,
     EXPECTATIONS,
@@ -65,7 +65,7 @@ def test_limits_are_the_nodes_own_defaults():
     assert pytest.approx(1 / policy.rate) == CONTROL_S
     assert LIMITS_S["base check"] == CHECK_S
     assert LIMITS_S["graph"] == lidar_collision_node.GRAPH_S
-    assert f"spin_once(timeout_sec={LIMITS_S['request']:g})" in inspect.getsource(policy_node)
+    assert f"spin_once(timeout_sec={LIMITS_S['request']:g})" in inspect.getsource(node_process)
     ages = policy.episode.ages
     names = ("tilt", "odometry", "estimate", "picture")
     assert [LIMITS_S[name] for name in names] == [

@@ -20,7 +20,6 @@ from launch.actions import (
     OpaqueFunction,
     Shutdown,
 )
-from launch_ros.actions import Node
 
 ARGUMENTS = (
     DeclareLaunchArgument("mode", choices=["record", "replay"]),
@@ -59,21 +58,8 @@ NEVER = ("cmd_vel", "cmd_vel_unstamped", "camera_tilt/command")
 
 def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     """Drive, and record it."""
-    bag = {"bag": str(Path(given["bag"]).resolve())}
-    passed = ("params", "namespace", "bundle", "goal", "rviz")
-    return [
-        Node(
-            package="cfnav_ros",
-            executable="recorder_node",
-            exec_name="recorder_node",
-            namespace=given["namespace"],
-            parameters=[bag],
-            output="screen",
-            prefix=ENDS_WITH_PARENT,
-            on_exit=Shutdown(),
-        ),
-        IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed]),
-    ]
+    passed = ("params", "namespace", "bundle", "goal", "bag", "rviz")
+    return [IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed])]
 
 
 def stay_apart(environment: MutableMapping[str, str], domain: str) -> None:
@@ -99,7 +85,7 @@ def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     play += ["--topics", *(space + name for name in REPLAYED)]
     play += ["--remap", *(f"{space}{name}:={space}replay/{name}" for name in NEVER)]
     arguments = {name: given[name] for name in ("params", "namespace", "rviz")}
-    arguments |= {"drive": "false", "use_sim_time": "true"}
+    arguments |= {"drive": "false", "bag": "", "use_sim_time": "true"}
     return [
         ExecuteProcess(
             cmd=play,

@@ -30,6 +30,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "mast_height", default_value="", description="m; publishes base_link -> mast_camera_link"
     ),
+    DeclareLaunchArgument("bag", default_value="", description="record into this folder"),
     DeclareLaunchArgument("rviz", default_value="false", choices=["true", "false"]),
 )
 
@@ -82,6 +83,18 @@ def nodes(context: LaunchContext) -> list[Node]:
                 on_exit=Shutdown(),
                 **common,
             )
+        )
+    if given["bag"]:
+        made.insert(
+            0,
+            Node(
+                package="cfnav_ros",
+                executable="recorder_node",
+                exec_name="recorder_node",
+                parameters=[*parameters, {"bag": str(Path(given["bag"]).resolve())}],
+                on_exit=Shutdown(),
+                **common,
+            ),
         )
     return made + viewers(given, common)
 
