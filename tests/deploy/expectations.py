@@ -223,7 +223,7 @@ CHANGED = {
     "gaps, some of two scans, may be ridden through",
     "scan_late_0.2": "2e4a58a: was degrade; a scan's age counts from the end of its turn (a2c1a9d)",
     "scan_speckle": "6e16636: was degrade; a lone near return is a ghost by the reference; "
-    "NEWHASH: degrade again or ride through, as two in a row at one place end a MoveAhead",
+    "9770342: degrade again or ride through, as two in a row at one place end a MoveAhead",
     "scan_mirrored": "6e16636: was ride through; front and rear swap, so that the posts tell",
     "odom_slip": "3607c94: was stop, but at rest nothing is wrong; 2e4a58a: the motion under "
     "way is bounded, nothing was",
