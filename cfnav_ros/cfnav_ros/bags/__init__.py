@@ -1,0 +1,1 @@
+"""Recorded drives: read as typed events, judged, replayed, shown. Needs no ROS."""
