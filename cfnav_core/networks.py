@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
@@ -13,6 +15,8 @@ from cfnav_core.bundle import WEIGHTS, BundleError, BundleHead
 from cfnav_core.onnx_session import open_session
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from cfnav_core.collision_predictor import CollisionPredictor
     from cfnav_core.models import NavModel
 
@@ -71,6 +75,16 @@ class Networks(Protocol):
 
     def zero_state(self, n: int) -> AgentState:
         """Of N agents."""
+        ...
+
+    def predict(self, sight: Sight, state: AgentState) -> np.ndarray:
+        """The predictor's own p_hat, float32 [N].
+
+        Args:
+            sight: what is seen.
+            state: what the predictor remembers is updated in place; nothing else is read but
+                ``previous_action``.
+        """
         ...
 
     def step(
@@ -132,20 +146,24 @@ class OnnxNetworks:
             np.zeros((n, NUM_ACTIONS), np.float32),
         )
 
+    def predict(self, sight: Sight, state: AgentState) -> np.ndarray:
+        """See ``Networks``."""
+        logit, state.predictor = self._predictor.run(
+            None,
+            {
+                "features": sight.features, "previous_action": state.previous_action,
+                "state": state.predictor,
+            },
+        )  # fmt: skip
+        return 1 / (1 + np.exp(-logit[:, 0]))
+
     def step(
         self, sight: Sight, state: AgentState, collision_probability: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """See ``Networks``."""
         p_hat = collision_probability
         if p_hat is None:
-            logit, state.predictor = self._predictor.run(
-                None,
-                {
-                    "features": sight.features, "previous_action": state.previous_action,
-                    "state": state.predictor,
-                },
-            )  # fmt: skip
-            p_hat = 1 / (1 + np.exp(-logit[:, 0]))
+            p_hat = self.predict(sight, state)
         fed = p_hat if self._feeds else np.zeros_like(p_hat)
         seen = {
             **vars(sight), "previous_action": state.previous_action,
@@ -199,6 +217,33 @@ class TorchNetworks:
             np.zeros((n, NUM_ACTIONS), np.float32),
         )
 
+    def predict(self, sight: Sight, state: AgentState) -> np.ndarray:
+        """See ``Networks``."""
+        import torch
+
+        # an encoder that it shares with the model is in the model's phase
+        with self._test_phase(), torch.no_grad():
+            logit, memory = self._predictor(
+                self._tensor(sight.features), self._tensor(state.previous_action),
+                self._tensor(state.predictor),
+            )  # fmt: skip
+            state.predictor = memory.cpu().numpy()
+            return torch.sigmoid(logit[:, 0]).cpu().numpy()
+
+    @contextmanager
+    def _test_phase(self) -> Iterator[None]:
+        was_training = self._model.training
+        self._model.eval()
+        try:
+            yield
+        finally:
+            self._model.train(was_training)
+
+    def _tensor(self, array: np.ndarray) -> Tensor:
+        import torch
+
+        return torch.from_numpy(array).to(next(self._model.parameters()).device)
+
     def step(
         self, sight: Sight, state: AgentState, collision_probability: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -207,21 +252,11 @@ class TorchNetworks:
 
         from cfnav_core.models import Seen
 
-        device = next(self._model.parameters()).device
-
-        def t(array: np.ndarray) -> torch.Tensor:
-            return torch.from_numpy(array).to(device)
-
-        was_training = self._model.training
-        self._model.eval()
-        with torch.no_grad():
+        t = self._tensor
+        with self._test_phase(), torch.no_grad():
             p_hat = collision_probability
             if p_hat is None:
-                logit, memory = self._predictor(
-                    t(sight.features), t(state.previous_action), t(state.predictor)
-                )
-                state.predictor = memory.cpu().numpy()
-                p_hat = torch.sigmoid(logit[:, 0]).cpu().numpy()
+                p_hat = self.predict(sight, state)
             fed = p_hat if self._feeds else np.zeros_like(p_hat)
             seen = Seen(
                 **{k: t(v) for k, v in vars(sight).items()},
@@ -229,7 +264,6 @@ class TorchNetworks:
                 collision_probability=t(fed[:, None].astype(np.float32)),
             )
             logits, _, following = self._model(seen, {k: t(v) for k, v in state.policy.items()})
-        self._model.train(was_training)
         state.policy = {k: v.cpu().numpy() for k, v in following.items()}
         return _softmax(logits.cpu().numpy()), p_hat.astype(np.float32)
 

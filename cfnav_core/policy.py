@@ -16,8 +16,8 @@ import numpy as np
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
 from cfnav_core.goals import refusal
-from cfnav_core.networks import Backend, Networks, Sight, open_networks
-from cfnav_core.perception import Perception, PerceptionError
+from cfnav_core.networks import AgentState, Backend, Networks, Sight, open_networks
+from cfnav_core.perception import Observation, Perception, PerceptionError
 from cfnav_core.vocabulary import ROOM_TYPES
 
 __all__ = ["BundleError", "Decision", "Policy"]
@@ -50,16 +50,19 @@ class Policy:
     Attributes:
         name: of the bundle.
         goals: objects that it was trained to find; ``admits`` knows whether it takes others.
+        perception: identity of its perception network; what policies of the same one ``look`` at,
+            each of them can ``decide`` on.
     """
 
     def __init__(self, head: BundleHead, perception: Perception, networks: Networks) -> None:
-        self.name = head.name
+        self.name, self.perception = head.name, perception.identity
         self.goals = head.goals
         self._head = head
         self._objects = head.objects
         self._perception, self._networks = perception, networks
         self._goal, self._room = -1, NO_ROOM
         self._state = networks.zero_state(1)
+        self._watching = networks.zero_state(1).predictor
 
     @classmethod
     def load(cls, bundle: Path | str | None = None, backend: Backend = "onnx") -> Policy:
@@ -108,6 +111,7 @@ class Policy:
             self._room[0, ROOM_TYPES.index(room_type)] = 1
         self._goal = self._objects.index(goal)
         self._state = self._networks.zero_state(1)
+        self._watching = self._networks.zero_state(1).predictor
 
     def act(self, rgb: np.ndarray, collision_probability: float | None = None) -> Decision:
         """Decide on one picture.
@@ -121,24 +125,64 @@ class Policy:
             PerceptionError: the picture cannot be used.
             ValueError: no goal was set, or the probability is outside 0..1.
         """
-        if self._goal < 0:
-            raise ValueError("found no goal; call reset(goal) before act")
+        self._check(collision_probability)
+        return self.decide(self.look(rgb), collision_probability)
+
+    def look(self, rgb: np.ndarray) -> Observation:
+        """Observe one picture, uint8 [H, W, 3], square; remembers nothing.
+
+        Raises:
+            PerceptionError: the picture cannot be used.
+        """
+        return self._perception.observe(rgb)
+
+    def decide(self, seen: Observation, collision_probability: float | None = None) -> Decision:
+        """Decide on what one picture shows, see ``act``.
+
+        Args:
+            seen: one picture of a policy with the same perception.
+            collision_probability: as for ``act``.
+
+        Raises:
+            ValueError: as for ``act``.
+        """
+        self._check(collision_probability)
         given = None
         if collision_probability is not None:
-            if not 0.0 <= collision_probability <= 1.0:
-                raise ValueError(
-                    f"found collision probability {collision_probability}, expected 0..1"
-                )
             given = np.array([collision_probability], np.float32)
-        seen = self._perception.observe(rgb)
-        goal = np.eye(len(self._objects), dtype=np.float32)[[self._goal]]
-        sight = Sight(
-            seen.features.astype(np.float32), seen.detections.astype(np.float32), goal, self._room
-        )
-        pi, p_hat = self._networks.step(sight, self._state, given)
+        pi, p_hat = self._networks.step(self._sight(seen), self._state, given)
         action = Action(int(pi[0].argmax()))
         self.executed(action)
         return Decision(action, pi[0], float(p_hat[0]), float(seen.detections[0, self._goal, 0]))
+
+    def predict_collision(self, seen: Observation) -> float:
+        """What the bundle's own RGB predictor says, whoever supplies p_hat to ``act``.
+
+        It has a memory of its own for this: call it once a picture, before the decision. No answer
+        of ``act`` depends on it.
+
+        Args:
+            seen: one picture of a policy with the same perception.
+
+        Raises:
+            ValueError: no goal was set.
+        """
+        self._check(None)
+        state = AgentState({}, self._watching, self._state.previous_action)
+        p_hat = self._networks.predict(self._sight(seen), state)
+        self._watching = state.predictor
+        return float(p_hat[0])
+
+    def _check(self, collision_probability: float | None) -> None:
+        if self._goal < 0:
+            raise ValueError("found no goal; call reset(goal) before act")
+        if collision_probability is not None and not 0.0 <= collision_probability <= 1.0:
+            raise ValueError(f"found collision probability {collision_probability}, expected 0..1")
+
+    def _sight(self, seen: Observation) -> Sight:
+        goal = np.eye(len(self._objects), dtype=np.float32)[[self._goal]]
+        features, detections = (a.astype(np.float32) for a in (seen.features, seen.detections))
+        return Sight(features, detections, goal, self._room)
 
     def executed(self, action: Action) -> None:
         """Say that another action than the last answer was executed (replay, veto)."""
