@@ -22,8 +22,9 @@ import tyro
 from cfnav_ros.lidar import SweptDisc, estimate_collision
 from cfnav_ros.sweep import NOMINAL
 
+from cfnav_core import calibration as rel
 from cfnav_core.vocabulary import ROOM_TYPES
-from tests.deploy import reliability as rel
+from tests.deploy import reliability
 from tests.deploy.driven_moves import moves, plane_way, scan_of
 
 FREE = 0.005
@@ -114,7 +115,7 @@ def unseen_shares(found: Predicted) -> dict[str, list[float]]:
 
 
 def figures(found: Predicted) -> dict[str, float | int | list[float] | list[list[float]]]:
-    """Everything that is reported; see ``reliability`` for the measures."""
+    """Everything that is reported; see ``cfnav_core.calibration`` for the measures."""
     p, y, ones = found.p, found.collided, np.ones(len(found.p))
     base, plain_base = float(y.mean()), float(np.average(y, weights=found.weight))
     brier, plain_brier = rel.brier(p, y, ones), rel.brier(p, y, found.weight)
@@ -162,7 +163,7 @@ def measure(
     result = figures(found)
     first, last = config.seeds
     title = f"{len(found.p)} MoveAheads in rooms {first} to {last}, ECE {result['ece']:.3f}"
-    rel.diagram(found.p, found.collided, title, config.out / "calibration.png")
+    reliability.diagram(found.p, found.collided, title, config.out / "calibration.png")
     (config.out / "calibration.json").write_text(json.dumps(result, indent=1) + "\n")
     return result
 

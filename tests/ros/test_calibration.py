@@ -7,7 +7,7 @@ import pytest
 from cfnav_ros.lidar import SweptDisc, estimate_collision
 from cfnav_ros.sweep import NOMINAL
 
-from tests.deploy import reliability as rel
+from cfnav_core import calibration as rel
 from tests.deploy.calibration import CalibrationConfig, Predicted, measure, unseen_shares
 from tests.deploy.driven_moves import moves, scan_of
 
