@@ -21,12 +21,12 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cfnav_ros.lidar import SweptDisc
 from cfnav_ros.limits import EpisodeLimits
-from cfnav_ros.mounting import SOURCES
 from cfnav_ros.preflight import TYPES
+from cfnav_ros.scan_watch import LidarParameters
 from cfnav_ros.settings import setting
-from cfnav_ros.sweep import ErrorModel
+
+__all__ = ["LidarParameters", "PolicyParameters", "declare"]
 
 T = TypeVar("T")
 
@@ -68,29 +68,6 @@ class PolicyParameters:
             )
         if self.backend not in ("onnx", "torch"):
             raise ValueError(f"backend is {self.backend!r}, expected onnx or torch.")
-
-
-@dataclass(frozen=True)
-class LidarParameters:
-    """Parameters of ``lidar_collision_node``."""
-
-    stale: float = setting(0.4, "age, from its end, of a scan that is no sight, s", 0.05, 10.0)
-    stale_rate: float = setting(10.0, "BLIND per second while stale", 1.0, 100.0)
-    frozen: float = setting(
-        1.0,
-        "ranges that stay the same this long are no sight, s; 0: a noiseless simulator",
-        0.0,
-        3600.0,
-    )
-    mount: str = setting("auto", "mounting: auto (TF where it is there), tf or parameters")
-    base_frame: str = setting("base_link", "frame of the robot in TF")
-    frame: str = setting("rplidar_link", "frame that scans must come from; empty: any")
-    disc: SweptDisc = field(default_factory=SweptDisc)
-    errors: ErrorModel = field(default_factory=ErrorModel)
-
-    def __post_init__(self) -> None:
-        if self.mount not in SOURCES:
-            raise ValueError(f"mount is {self.mount!r}, expected {', '.join(SOURCES)}.")
 
 
 def declare(node: Node, kind: type[T], adopt: Callable[[T], None] | None = None) -> T:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cfnav_ros.inputs import FUTURE_S
 from cfnav_ros.lidar import Estimate, Scan, SweptDisc, blind, estimate_collision
-from cfnav_ros.mounting import Mounting, OwnParts
+from cfnav_ros.mounting import SOURCES, Mounting, OwnParts
 from cfnav_ros.returns import malformed
+from cfnav_ros.settings import setting
 from cfnav_ros.sweep import ErrorModel
 
 GRAPH_S = 0.2
@@ -18,6 +20,29 @@ GRAPH_S = 0.2
 LONGEST_TURN_S = 0.2
 """The slowest of the supported scanners turns five times a second; a header that says more is not
 believed, so that it cannot make old scans young."""
+
+
+@dataclass(frozen=True)
+class LidarParameters:
+    """Parameters of ``lidar_collision_node``."""
+
+    stale: float = setting(0.4, "age, from its end, of a scan that is no sight, s", 0.05, 10.0)
+    stale_rate: float = setting(10.0, "BLIND per second while stale", 1.0, 100.0)
+    frozen: float = setting(
+        1.0,
+        "ranges that stay the same this long are no sight, s; 0: a noiseless simulator",
+        0.0,
+        3600.0,
+    )
+    mount: str = setting("auto", "mounting: auto (TF where it is there), tf or parameters")
+    base_frame: str = setting("base_link", "frame of the robot in TF")
+    frame: str = setting("rplidar_link", "frame that scans must come from; empty: any")
+    disc: SweptDisc = field(default_factory=SweptDisc)
+    errors: ErrorModel = field(default_factory=ErrorModel)
+
+    def __post_init__(self) -> None:
+        if self.mount not in SOURCES:
+            raise ValueError(f"mount is {self.mount!r}, expected {', '.join(SOURCES)}.")
 
 
 class ScanWatch:
