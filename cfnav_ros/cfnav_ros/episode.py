@@ -289,15 +289,9 @@ class Episode:
         """
         if action not in (Action.MoveAhead, Action.Done):
             return False
-        taken = action is Action.MoveAhead and (self._taken(self._observed) or self._taken(inputs))
+        looks = (self._observed.estimate.estimate, inputs.estimate.estimate)
+        taken = action is Action.MoveAhead and any(map(self._limits.forbids, looks))
         return taken or self._conduct.displaced
-
-    def _taken(self, inputs: Inputs) -> bool:
-        """Whether the LiDAR forbids a MoveAhead."""
-        limits, estimate = self._limits, inputs.estimate.estimate
-        if not (limits.veto and limits.lidar):
-            return False
-        return estimate.verdict is Verdict.BLIND or estimate.probability >= limits.veto_probability
 
     def _execute(self, action: Action, t: float, inputs: Inputs) -> Output:
         if action is Action.Done:

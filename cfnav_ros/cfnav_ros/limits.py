@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TypeVar
 
 from cfnav_ros.inputs import AgeLimits
+from cfnav_ros.lidar import Estimate, Verdict
 from cfnav_ros.motion import MotionLimits
 from cfnav_ros.settings import setting
 
@@ -57,6 +58,12 @@ class EpisodeLimits:
             raise ValueError(
                 f"veto_probability is {self.veto_probability}, expected a number in (0, 1]."
             )
+
+    def forbids(self, estimate: Estimate) -> bool:
+        """Whether the LiDAR's veto forbids a MoveAhead."""
+        if not (self.veto and self.lidar):
+            return False
+        return estimate.verdict is Verdict.BLIND or estimate.probability >= self.veto_probability
 
 
 def with_live(running: T, changed: T) -> T:
