@@ -160,6 +160,16 @@ def test_the_tilt_tells_looks():
     assert found == [[], [], [Action.LookDown], [], [], [Action.LookUp]]
 
 
+def test_the_beginning_waits_while_the_camera_tilts():
+    driven, path = DrivenActions(), Path()
+    actions(path, driven)
+    begins = []
+    for k, angle in enumerate((0.0, -0.1, -0.3, -0.45, -0.5, -0.52)):
+        driven.see(Joint(t_ns=k, angle=angle))
+        begins.append(driven.at_keyframe)
+    assert begins == [True, False, False, False, True, True]
+
+
 @pytest.mark.parametrize(("dx", "dyaw"), [(1.0, 0.0), (0.0, 2.0)])
 def test_a_jump_of_the_odometry_is_no_motion(dx, dyaw):
     driven, path = DrivenActions(), Path().go(0.2, 0, 0.5)

@@ -42,8 +42,8 @@ REST_S, REST_M, REST_RAD = 0.3, 0.005, math.radians(0.5)
 GAP_S = 0.5
 """Between samples further apart nobody knows what was driven."""
 
-LEVEL_RAD = math.radians(5.0)
-"""A tilt this near to a horizon has reached it."""
+LEVEL_RAD, TILTS_RAD = math.radians(5.0), math.radians(2.0)
+"""A tilt this near to a horizon has reached it; one further from its horizon is on its way."""
 
 
 @dataclass
@@ -66,6 +66,7 @@ class DrivenActions:
         self.left_out = self.backed = 0
         self._pressed = False
         self._level: int | None = None
+        self._tilts = False
         self.restart()
 
     def restart(self) -> None:
@@ -79,7 +80,7 @@ class DrivenActions:
     @property
     def at_keyframe(self) -> bool:
         """Whether the robot has not left its keyframe, so that the next action begins now."""
-        if self._last is None or self._key is None:
+        if self._last is None or self._key is None or self._tilts:
             return False
         return not _moved(self._key, self._last, NEAR_M, NEAR_RAD)
 
@@ -160,10 +161,12 @@ class DrivenActions:
 
     def _tilt(self, event: Joint) -> list[Action]:
         near = [k for k, at in enumerate(HORIZONS_RAD) if abs(event.angle - at) <= LEVEL_RAD]
-        if not near or near[0] == self._level:
-            return []
-        before, self._level = self._level, near[0]
-        if before is None or self._last is None:
+        before = self._level
+        if near:
+            self._level = near[0]
+        if self._level is not None:
+            self._tilts = abs(event.angle - HORIZONS_RAD[self._level]) > TILTS_RAD
+        if before in (None, self._level) or self._last is None:
             return []
         return [Action.LookUp if near[0] == 0 else Action.LookDown]
 

@@ -1,0 +1,304 @@
+"""Runs bundles over a recorded drive as the live node would have: the same ``Policy``, in one pass.
+
+Where the bag holds decisions, each is taken again on its own picture and with the collision
+probability of its own scan, made again from the recorded scans; then the policy is told what the
+driver decided. That is what a live policy knows of itself too: a vetoed MoveAhead stays its
+previous action, as nobody tells it otherwise. Where the bag holds none, the driven actions are
+those of ``driven`` and each decision is taken on what was newest when its action began, under the
+live node's limits of age. Pure: pictures are kept undecoded for some seconds, and no more of them
+than a fixed number of bytes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfnav_core.actions import Action
+from cfnav_core.perception import Observation
+from cfnav_core.policy import Policy
+from cfnav_ros.bags.driven import DrivenActions
+from cfnav_ros.bags.estimates import Estimates, NodeTime
+from cfnav_ros.bags.events import Bumps, Decided, Event, Joint, Judged, Picture, Pose, Told
+from cfnav_ros.bags.kept_pictures import KeptPictures
+from cfnav_ros.bags.replay_step import LeftOut, ReplayStep
+from cfnav_ros.bags.view import View, view
+from cfnav_ros.limits import EpisodeLimits
+
+WAIT_NS = 1_000_000_000
+"""A picture or scan may be recorded so much later than the decision that was taken on it."""
+
+MOST_WAITING = 100
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A decision of the driver, and the newest estimate when it was published."""
+
+    decided: Decided
+    newest: Judged | None
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """What one decision is taken on, and what was driven; see ``ReplayStep``."""
+
+    t_ns: int
+    step: int
+    picture: Picture
+    estimate: Judged | None
+    newest: Judged | None
+    driven: Action
+    vetoed: bool = False
+    probabilities: np.ndarray | None = None
+    p_hat: float | None = None
+
+
+@dataclass
+class _Runner:
+    """A bundle at work: ``refused`` is why it does not take the drive's goal."""
+
+    name: str
+    policy: Policy
+    refused: str = ""
+    intact: bool = False
+
+
+class Replay:
+    """Replays one bag; show it every event, then call ``finish``.
+
+    Attributes:
+        steps: by drive and time, the bundles side by side.
+        left_out: what could not be replayed.
+    """
+
+    def __init__(
+        self,
+        policies: Mapping[str, Policy],
+        estimates: Estimates,
+        limits: EpisodeLimits | None = None,
+        infer: bool = False,
+        bag: str = "",
+    ) -> None:
+        """Prepare.
+
+        Args:
+            policies: bundles by the name under which their steps are reported.
+            estimates: of the same bag; shown each event before the replay is.
+            limits: the policy node's: ages, veto, and whether it uses the LiDAR (only inferred
+                decisions ask; recorded ones say so themselves). Its defaults when None.
+            infer: the bag holds no decisions: infer the driven actions.
+            bag: name of the bag.
+        """
+        self.steps: list[ReplayStep] = []
+        self.left_out: list[LeftOut] = []
+        self._runners = [_Runner(name, policy) for name, policy in policies.items()]
+        self._estimates, self._limits, self._bag = estimates, limits or EpisodeLimits(), bag
+        self._time, self._now_ns = NodeTime(), 0
+        self._pictures = KeptPictures()
+        self._waiting: deque[_Asked | Told] = deque()
+        self._open: list[ReplayStep] = []
+        self._goal, self._driver = "", ""
+        self._drive_ns = self._step = 0
+        self._driven = DrivenActions() if infer else None
+        self._view: View | None = None
+
+    def see(self, event: Event) -> None:
+        """Take the next event of the bag."""
+        self._now_ns = self._time.at(event)
+        if isinstance(event, Picture):
+            self._pictures.add(event, self._now_ns)
+        elif isinstance(event, Told):
+            self._waiting.append(event)
+        elif isinstance(event, Decided) and self._driven is None:
+            self._waiting.append(_Asked(event, self._estimates.newest))
+        if self._waiting:
+            self._settle(event.log_ns)
+        if self._driven is not None and isinstance(event, Pose | Bumps | Joint):
+            self._infer(self._driven.see(event))
+
+    def begin(self, goal: str, t_ns: int, driver: str = "") -> None:
+        """A drive begins; recorded starts do this by themselves.
+
+        Args:
+            goal: object that is sought.
+            t_ns: node time.
+            driver: name of the bundle that drives.
+        """
+        self.end(t_ns)
+        self._goal, self._driver, self._drive_ns = goal, driver, t_ns
+        for runner in self._runners:
+            runner.refused = runner.policy.admits(goal)
+            runner.intact = not runner.refused
+            if runner.refused:
+                reason = f"The bundle does not take this goal: {runner.refused}."
+                self.left_out.append(LeftOut(runner.name, t_ns, 0, t_ns, reason))
+            else:
+                runner.policy.reset(goal)
+        if self._driven is not None:
+            self._driven.restart()
+
+    def end(self, t_ns: int) -> None:
+        """The drive, if any, ends at a node time."""
+        self._close(t_ns)
+        self._goal, self._step, self._view = "", 0, None
+
+    def touch(self) -> None:
+        """Inferred actions: the robot touches something, which ends a MoveAhead under way.
+
+        Bumps are seen anyway; this is for contacts that were found otherwise.
+        """
+        if self._driven is not None:
+            self._infer(self._driven.touch())
+
+    def finish(self) -> None:
+        """The bag ends."""
+        self._settle(None)
+        self.end(self._now_ns)
+
+    # Recorded decisions
+
+    def _settle(self, log_ns: int | None) -> None:
+        """Go through what waits, in order, as far as it is there; None: nothing more will come."""
+        while self._waiting:
+            head = self._waiting[0]
+            if isinstance(head, Told):
+                self._tell(head)
+            else:
+                late = log_ns is None or not 0 <= log_ns - head.decided.log_ns <= WAIT_NS
+                if not (late or len(self._waiting) > MOST_WAITING or self._is_there(head.decided)):
+                    return
+                self._decide_again(head)
+            self._waiting.popleft()
+
+    def _tell(self, told: Told) -> None:
+        if told.started:
+            self.begin(told.goal, told.t_ns, told.bundle)
+        else:
+            self.end(told.t_ns)
+
+    def _is_there(self, decided: Decided) -> bool:
+        scanned = not decided.estimate_ns or self._estimates.made_from(decided.estimate_ns)
+        return bool(scanned) and self._pictures.get(decided.image_ns) is not None
+
+    def _decide_again(self, asked: _Asked) -> None:
+        decided = asked.decided
+        self._close(decided.t_ns)
+        self._follow_steps(decided)
+        picture = self._pictures.get(decided.image_ns)
+        estimate = self._estimate_of(decided)
+        if picture is None:
+            reason = f"The bag holds no picture stamped {_s(decided.image_ns)}."
+            self._leave_out(decided.step, decided.t_ns, decided.action, reason)
+        elif decided.estimate_ns and estimate is None:
+            reason = f"No scan stamped {_s(decided.estimate_ns)} came in time to be judged again."
+            self._leave_out(decided.step, decided.t_ns, decided.action, reason)
+        else:
+            self._answer(_Moment(
+                decided.t_ns, decided.step, picture, estimate, asked.newest, decided.action,
+                decided.vetoed, decided.probabilities, decided.collision_probability,
+            ))  # fmt: skip
+
+    def _follow_steps(self, decided: Decided) -> None:
+        """Begin a drive whose start is not in the bag; notice decisions that are not."""
+        if decided.goal != self._goal or (decided.step == 1 and self._step):
+            self.begin(decided.goal, decided.t_ns)
+        if decided.step != self._step + 1:
+            for runner in self._runners:
+                runner.intact = False
+        self._step = decided.step
+
+    def _estimate_of(self, decided: Decided) -> Judged | None:
+        stamp_ns = decided.estimate_ns
+        if not stamp_ns:
+            return None
+        made = self._estimates.made_from(stamp_ns)
+        if made is None and decided.collision_probability == 1.0:
+            # no scan's stamp: the live node was blind and stamped its estimate when it said so
+            made = self._estimates.blind_at(stamp_ns)
+        return made
+
+    # Inferred decisions
+
+    def _infer(self, driven: list[Action]) -> None:
+        assert self._driven is not None
+        for action in driven:
+            self._take_inferred(action)
+        if self._goal and (driven or self._view is None or self._driven.at_keyframe):
+            self._view = view(self._now_ns, self._pictures, self._estimates.newest, self._limits)
+
+    def _take_inferred(self, action: Action) -> None:
+        seen = self._view
+        if not self._goal or seen is None:
+            return
+        self._step += 1
+        if seen.picture is None or seen.complaint:
+            self._leave_out(self._step, seen.t_ns, action, seen.complaint)
+            return
+        self._answer(
+            _Moment(seen.t_ns, self._step, seen.picture, seen.estimate, seen.estimate, action)
+        )
+        self._close(self._now_ns)
+
+    # Both
+
+    def _leave_out(self, step: int, t_ns: int, driven: Action, reason: str) -> None:
+        """No bundle sees the picture of this decision."""
+        self.left_out.append(LeftOut("", self._drive_ns, step, t_ns, reason))
+        for runner in self._runners:
+            runner.intact = False
+            runner.policy.executed(driven)
+
+    def _answer(self, moment: _Moment) -> None:
+        """Let every bundle decide, then tell it what was driven."""
+        try:
+            rgb = moment.picture.decode()
+        except ValueError as error:
+            self._leave_out(moment.step, moment.t_ns, moment.driven, str(error))
+            return
+        looks: dict[str, Observation] = {}
+        for runner in self._runners:
+            if runner.refused:
+                continue
+            policy = runner.policy
+            try:
+                if policy.perception not in looks:
+                    looks[policy.perception] = policy.look(rgb)
+                self._open.append(self._step_of(runner, looks[policy.perception], moment))
+            except ValueError as error:
+                runner.intact = False
+                reason = f"The policy failed: {error}."
+                self.left_out.append(
+                    LeftOut(runner.name, self._drive_ns, moment.step, moment.t_ns, reason)
+                )
+            policy.executed(moment.driven)
+
+    def _step_of(self, runner: _Runner, seen: Observation, moment: _Moment) -> ReplayStep:
+        judged = moment.estimate
+        p_hat_rgb = runner.policy.predict_collision(seen)
+        given = judged.estimate.probability if judged else None
+        decision = runner.policy.decide(seen, given)
+        looks = [j.estimate for j in (judged, moment.newest) if j] if judged else []
+        vetoed = decision.action is Action.MoveAhead and any(map(self._limits.forbids, looks))
+        return ReplayStep(
+            bag=self._bag, bundle=runner.name, driver=self._driver, drive_ns=self._drive_ns,
+            goal=self._goal, step=moment.step, t_ns=moment.t_ns, until_ns=moment.t_ns,
+            image_ns=moment.picture.t_ns, estimate_ns=judged.t_ns if judged else 0,
+            driven=moment.driven, driven_vetoed=moment.vetoed,
+            driven_probabilities=moment.probabilities, driven_p_hat=moment.p_hat,
+            action=decision.action, probabilities=decision.probabilities,
+            p_hat=decision.collision_probability, p_hat_rgb=p_hat_rgb,
+            detection_score=decision.detection_score, would_veto=vetoed, intact=runner.intact,
+        )  # fmt: skip
+
+    def _close(self, t_ns: int) -> None:
+        """The last decision lasted until a node time."""
+        self.steps += [replace(step, until_ns=max(t_ns, step.t_ns)) for step in self._open]
+        self._open = []
+
+
+def _s(ns: int) -> str:
+    return f"{ns // 1_000_000_000}.{ns % 1_000_000_000:09d} s"

@@ -1,0 +1,55 @@
+"""What a live node would have decided on at a moment of a bag, by its own rule of ages. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from cfnav_ros.bags.events import Judged, Picture
+from cfnav_ros.bags.kept_pictures import KeptPictures
+from cfnav_ros.inputs import Frame, Inputs, StampedEstimate, input_complaint
+from cfnav_ros.limits import EpisodeLimits
+
+
+@dataclass(frozen=True)
+class View:
+    """The newest picture and estimate at a node time.
+
+    Attributes:
+        t_ns: node time.
+        picture: None before the first.
+        estimate: None before the first, or when the LiDAR is not used.
+        complaint: why nothing would be decided on them, one sentence; empty when they can be used.
+    """
+
+    t_ns: int
+    picture: Picture | None
+    estimate: Judged | None
+    complaint: str
+
+
+def view(
+    now_ns: int, pictures: KeptPictures, estimate: Judged | None, limits: EpisodeLimits
+) -> View:
+    """Look at what is newest.
+
+    Args:
+        now_ns: node time.
+        pictures: those of late.
+        estimate: the newest.
+        limits: the ages, and whether the LiDAR is used.
+    """
+    came_ns, picture = pictures.newest
+    estimate = estimate if limits.lidar else None
+    inputs, arrived = Inputs(), {}
+    if picture is not None:
+        inputs, arrived["frame"] = replace(inputs, frame=Frame(picture.t_ns)), came_ns * 1e-9
+    if estimate is not None:
+        made = StampedEstimate(estimate.t_ns, estimate.estimate)
+        inputs, arrived["estimate"] = replace(inputs, estimate=made), estimate.log_ns * 1e-9
+    inputs = replace(inputs, arrived=arrived)
+    names = ("frame", "estimate") if limits.lidar else ("frame",)
+    found = [
+        input_complaint(now_ns * 1e-9, inputs, name, getattr(limits.ages, name)) for name in names
+    ]
+    text = "; ".join(filter(None, found))
+    return View(now_ns, picture, estimate, f"{text[0].upper()}{text[1:]}." if text else "")
