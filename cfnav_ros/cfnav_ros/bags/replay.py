@@ -165,20 +165,16 @@ class Replay:
         """Go through what waits, in order, as far as it is there; None: nothing more will come."""
         while self._waiting:
             head = self._waiting[0]
-            if isinstance(head, Told):
-                self._tell(head)
+            if isinstance(head, Told) and head.started:
+                self.begin(head.goal, head.t_ns, head.bundle)
+            elif isinstance(head, Told):
+                self.end(head.t_ns)
             else:
                 late = log_ns is None or not 0 <= log_ns - head.decided.log_ns <= WAIT_NS
                 if not (late or len(self._waiting) > MOST_WAITING or self._is_there(head.decided)):
                     return
                 self._decide_again(head)
             self._waiting.popleft()
-
-    def _tell(self, told: Told) -> None:
-        if told.started:
-            self.begin(told.goal, told.t_ns, told.bundle)
-        else:
-            self.end(told.t_ns)
 
     def _is_there(self, decided: Decided) -> bool:
         scanned = not decided.estimate_ns or self._estimates.made_from(decided.estimate_ns)
@@ -204,7 +200,7 @@ class Replay:
 
     def _follow_steps(self, decided: Decided) -> None:
         """Begin a drive whose start is not in the bag; notice decisions that are not."""
-        if decided.goal != self._goal or (decided.step == 1 and self._step):
+        if decided.goal != self._goal or decided.step <= self._step:
             self.begin(decided.goal, decided.t_ns)
         if decided.step != self._step + 1:
             for runner in self._runners:

@@ -136,8 +136,9 @@ def reproduction(steps: Iterable[ReplayStep]) -> Reproduction:
         worst = np.maximum(worst, apart)
         near = bool((apart <= (PROBABILITY_TOLERANCE, P_HAT_TOLERANCE)).all())
         count, equal = count + 1, equal + (step.agrees and near)
-    differences = (float(worst[0]), float(worst[1])) if count else (None, None)
-    return Reproduction(count, equal, *differences, other)
+    if not count:
+        return Reproduction(0, 0, None, None, other)
+    return Reproduction(count, equal, float(worst[0]), float(worst[1]), other)
 
 
 def labelled(steps: Sequence[ReplayStep], contacts_ns: Sequence[int]) -> list[ReplayStep]:
