@@ -200,6 +200,13 @@ def test_a_faster_base_does_not_jump():
     assert actions(Path().go(3.0, 0, 2.0)) == [A] * 24
 
 
+def test_odometry_that_claims_any_speed_is_not_believed():
+    driven = DrivenActions()
+    poses = [Pose(t_ns=k * S // 20, x=k * 1e9, y=0.0, yaw=0.0, v=1e12, w=1e12) for k in range(10)]
+    assert [a for pose in poses for a in driven.see(pose)] == []
+    assert driven.left_out == 9
+
+
 def test_our_own_drives_are_recognised():
     """What our executor drove, action by action, with looks and rests between."""
     rng = np.random.default_rng(2)

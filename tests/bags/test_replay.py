@@ -381,6 +381,27 @@ def test_pictures_are_kept_for_seconds_and_within_bytes():
     assert again.get(S) is None
 
 
+@pytest.mark.parametrize("infer", [False, True])
+def test_recordings_in_disorder_end_in_named_steps(recorded, policy, infer):
+    """Lost events, leaping log times, other orders: no exception, and every decision is named."""
+    events = recorded[0][: len(recorded[0]) // 3]
+    rng = np.random.default_rng(5)
+    for leap in (0, S // 2, 10**19):
+        mixed = [
+            dataclasses.replace(e, log_ns=e.log_ns + int(rng.integers(0, 3)) * leap)
+            for e in events
+            if rng.random() > 0.1
+        ]
+        near = np.arange(len(mixed)) + rng.integers(0, 10, len(mixed))
+        mixed = [mixed[k] for k in np.argsort(near, kind="stable")]
+        run = replay(mixed, policy, infer=infer)
+        steps = labelled(run.steps, [e.t_ns for e in events[::50]])
+        assert all(s.t_ns <= s.until_ns for s in steps)
+        if not infer:
+            named = {s.t_ns for s in steps} | {o.t_ns for o in run.left_out if o.step}
+            assert named == {d.t_ns for d in decisions(mixed)}
+
+
 def test_simulated_time_under_system_log_times(recorded, policy):
     """Recorded by another recorder, in system time, with /clock."""
     events = []

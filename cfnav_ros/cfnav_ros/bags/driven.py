@@ -42,6 +42,9 @@ REST_S, REST_M, REST_RAD = 0.3, 0.005, math.radians(0.5)
 GAP_S = 0.5
 """Between samples further apart nobody knows what was driven."""
 
+FASTEST_M_PER_S, FASTEST_RAD_PER_S = 10.0, 10.0
+"""No robot with this camera is faster, whatever its odometry says of itself."""
+
 LEVEL_RAD, TILTS_RAD = math.radians(5.0), math.radians(2.0)
 """A tilt this near to a horizon has reached it; one further from its horizon is on its way."""
 
@@ -183,6 +186,6 @@ def _broken(before: Pose, pose: Pose) -> bool:
     if dt > GAP_S:
         return _moved(before, pose, REST_M, REST_RAD)
     # a base faster than ours says so itself
-    v = max(JUMP_M_PER_S, 1.5 * abs(before.v), 1.5 * abs(pose.v))
-    w = max(JUMP_RAD_PER_S, 1.5 * abs(before.w), 1.5 * abs(pose.w))
+    v = max(JUMP_M_PER_S, min(1.5 * max(abs(before.v), abs(pose.v)), FASTEST_M_PER_S))
+    w = max(JUMP_RAD_PER_S, min(1.5 * max(abs(before.w), abs(pose.w)), FASTEST_RAD_PER_S))
     return _moved(before, pose, JUMP_M + v * dt, JUMP_RAD + w * dt)

@@ -5,6 +5,7 @@ Pure.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -150,12 +151,11 @@ def labelled(steps: Sequence[ReplayStep], contacts_ns: Sequence[int]) -> list[Re
         steps: of one bag.
         contacts_ns: node times of the contacts in that bag, nanoseconds, in any order.
     """
-    contacts = np.sort(np.asarray(contacts_ns, np.int64))
+    contacts = sorted(contacts_ns)
     found = []
     for step in steps:
         collided = None
         if step.driven is Action.MoveAhead and not step.driven_vetoed:
-            first, last = np.searchsorted(contacts, (step.t_ns, step.until_ns), side="right")
-            collided = bool(last > first)
+            collided = bisect_right(contacts, step.t_ns) < bisect_right(contacts, step.until_ns)
         found.append(replace(step, collided=collided))
     return found

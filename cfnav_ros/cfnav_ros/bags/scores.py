@@ -206,7 +206,8 @@ def agreement(steps: Sequence[ReplayStep]) -> Agreement:
     same, p_driven, drives = _same(steps), _p_driven(steps), drives_of(steps)
     driven = np.array([int(s.driven) for s in steps], int)
     answers = np.zeros((NUM_ACTIONS, NUM_ACTIONS), int)
-    np.add.at(answers, (driven, [int(s.action) for s in steps]), 1)
+    for step in steps:
+        answers[step.driven, step.action] += 1
 
     def among(action: Action) -> Figure:
         chosen = driven == action
