@@ -1,15 +1,16 @@
 """Drives found in event streams made by hand."""
 
 import dataclasses
+import math
 import random
 
 import pytest
 from cfnav_ros.bags.clocks import Clocks
 from cfnav_ros.bags.contacts import BUMP, CLEARANCE, STALL, TRUTH
 from cfnav_ros.bags.drive_log import BAG, FILE, POLICY
-from cfnav_ros.bags.drives import Book
+from cfnav_ros.bags.drives import RECENT, Book
 from cfnav_ros.bags.episodes_file import EpisodeRow, EpisodesError, read_episodes, rows_of
-from cfnav_ros.bags.events import Pose, Truth
+from cfnav_ros.bags.events import Frames, Pose, Truth
 from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.thinned import Thinned
 
@@ -182,6 +183,35 @@ def test_a_robot_with_another_clock_is_judged_in_log_times():
     events += [dataclasses.replace(e, t_ns=e.t_ns - ns(40)) for e in drive(100, *[MOVE] * 5)]
     (drive_,), _ = drives_of(events)
     assert drive_.path_length_m == pytest.approx(0.4, abs=0.011)
+
+
+def test_numbers_that_are_not_finite_are_left_out_and_said():
+    events = [*drive(101, MOVE), pose(101.5, x=math.nan), judged(101.6, math.inf), judged(101.7)]
+    events += [velocity(101.8, math.nan), start(101), end(102.5)]
+    (drive_,), notes = drives_of(events)
+    assert drive_.path_length_m == pytest.approx(0.2, abs=0.011)
+    assert drive_.clearance_m == 1.0
+    assert sorted(note.split(" hold")[0] for note in notes) == [
+        "1 messages of collision/estimate", "1 messages of odom",
+    ]  # fmt: skip
+
+
+def test_the_odometry_frame_is_placed_by_tf():
+    quarter = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+    bad, good = (("map", "odom", (1.0, 2.0, 0.0), q) for q in ((0.0, 0.0, 0.0, 0.0), quarter))
+    other = ("odom", "base_link", (5.0, 5.0, 0.0), quarter)
+    frames = [Frames(**at(101 + i), transforms=(t,)) for i, t in enumerate((good, bad, other))]
+    (drive_,), _ = drives_of([start(100), *frames, pose(105), end(106)])
+    assert drive_.odom_in_map == pytest.approx((1.0, 2.0, math.pi / 2))
+
+
+def test_a_log_whose_time_stands_does_not_fill_the_memory():
+    book = Book()
+    for i in range(3 * RECENT):
+        book.see(dataclasses.replace(pose(1 + i / 20), log_ns=0))
+    assert len(book._recent) == RECENT
+    (drive_,) = book.finish()
+    assert drive_.seconds == pytest.approx((3 * RECENT - 1) / 20)
 
 
 def test_hours_fit_into_little_memory():

@@ -7,7 +7,7 @@ with neither, the whole bag, which is then judged for safety only. Pure.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 
 from cfnav_ros.bags.clocks import Clocks
@@ -27,15 +27,22 @@ from cfnav_ros.bags.events import (
     Velocity,
 )
 from cfnav_ros.bags.stalls import StallContacts
+from cfnav_ros.frames import FrameTree
 from cfnav_ros.outcome import UNFINISHED
 
 __all__ = ["Book", "Drive"]
 
 USED = (Bumps, Decided, Judged, OccupancyMap, Pose, Told, Truth, Velocity)
 
+RECENT = 4096
+"""Messages of the last ``LATE_S`` at most: a log whose time stands must not fill the memory."""
+
 LATE_S = 1.0
 """Messages are recorded up to this much after what they tell of: a drive is closed so much later,
 and one that begins takes what was recorded so much earlier if its stamp is later."""
+
+MAP_FRAMES = ("map", "odom")
+"""Names of REP 105, in any namespace."""
 
 NEVER_BEGAN = ("preempted", "refused", "canceled")
 """Outcomes of goals that are answered without an episode."""
@@ -64,7 +71,8 @@ class Book:
         self._begin_ns: int | None = None
         self._log_ns = 0
         self._heard: frozenset[type[Event]] = frozenset()
-        self._recent: deque[tuple[int, int, Event | Contact]] = deque()
+        self._recent: deque[tuple[int, int, Event | Contact]] = deque(maxlen=RECENT)
+        self._unsound: Counter[str] = Counter()
         self._found = False
         self._map: OccupancyMap | None = None
         self._odom_in_map: tuple[float, float, float] | None = None
@@ -80,6 +88,9 @@ class Book:
         if self._begin_ns is None and event.log_ns > 0:
             self._begin_ns = event.log_ns
         if not isinstance(event, USED):
+            return []
+        if not _finite(event):
+            self._unsound[event.topic] += 1
             return []
         t = self._clocks.time(event)
         self._heard |= {type(event)}
@@ -109,6 +120,11 @@ class Book:
             f"The episode of {row.goal or 'no goal'} from {row.start:g} s is beyond the bag's end."
             for row in self._rows
         ]
+        self.notes += [
+            f"{count} messages of {topic} hold a number that is not finite; they are left out."
+            for topic, count in self._unsound.items()
+        ]
+        self._unsound.clear()
         self._closing, self._open, self._rest = [], None, None
         self._rows.clear()
         return [self._drive(log) for log in left]
@@ -227,11 +243,27 @@ class Book:
                 log.odom_in_map = self._odom_in_map or log.odom_in_map
 
     def _take_frames(self, event: Frames) -> None:
-        """Keep where the odometry frame is in the map's (names of REP 105, any namespace)."""
-        for parent, child, (x, y, _), (qx, qy, qz, qw) in event.transforms:
-            if (parent.split("/")[-1], child.split("/")[-1]) == ("map", "odom"):
-                yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy**2 + qz**2))
-                self._odom_in_map = (x, y, yaw)
+        """Keep where the odometry frame is in the map's."""
+        for parent, child, at, quaternion in event.transforms:
+            names = (parent.split("/")[-1], child.split("/")[-1])
+            tree = FrameTree()
+            if names != MAP_FRAMES or not tree.add(*names, at, quaternion):
+                continue
+            pose = tree.pose(*names)
+            assert pose is not None
+            yaw = math.atan2(pose[1, 0], pose[0, 0])
+            self._odom_in_map = (float(pose[0, 3]), float(pose[1, 3]), yaw)
+
+
+def _finite(event: Event) -> bool:
+    """Whether the numbers of an event make sense."""
+    if isinstance(event, Pose):
+        return all(map(math.isfinite, (event.x, event.y, event.yaw, event.v, event.w)))
+    if isinstance(event, Truth):
+        return all(map(math.isfinite, (event.x, event.y, event.yaw, event.shortest_path)))
+    if isinstance(event, Judged):
+        return math.isfinite(event.estimate.clearance) and 0 <= event.estimate.probability <= 1
+    return not isinstance(event, Decided) or math.isfinite(event.detection_score)
 
 
 class _Detectors:

@@ -27,10 +27,15 @@ LEAST_WAY_M = 0.1
 
 DONE = "done"
 
+UNSEEN = "cells of the map that nobody has seen count as free"
+
 
 @dataclass(frozen=True)
 class Fact:
-    """One figure; ``value`` is None when it is missing, and ``why`` says why, else may be empty."""
+    """One figure; ``value`` is None when it is missing.
+
+    ``why`` says why it is missing, or what to bear in mind, or nothing.
+    """
 
     value: Any
     source: str = ""
@@ -260,7 +265,7 @@ def _shortest(drive: Drive) -> Fact:
     start = (float(drive.path[0, 1]), float(drive.path[0, 2]))
     here, there = (_in_map(place, drive.odom_in_map) for place in (start, drive.goal_at))
     try:
-        return Fact(shortest_path(drive.map, here, there), "map")
+        return Fact(shortest_path(drive.map, here, there), "map", UNSEEN)
     except ValueError as error:
         return Fact(None, why=str(error))
 

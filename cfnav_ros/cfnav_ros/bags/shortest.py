@@ -56,7 +56,7 @@ def shortest_path(
     y = room.origin[1] + (np.arange(free.shape[0])[:, None] + 0.5) * size
     from_start = np.hypot(x - start[0], y - start[1])
     to_goal = np.hypot(x - goal[0], y - goal[1])
-    if not free.any() or from_start[free].min() > NEAR_M:
+    if not free.any() or not from_start[free].min() <= NEAR_M:
         raise ValueError(
             f"the drive's start ({start[0]:.1f}, {start[1]:.1f}) is no free place of the map"
         )

@@ -78,6 +78,8 @@ class StallContacts:
     def told(self, t_ns: int, velocity: Velocity) -> None:
         """Take the next command."""
         t, v, w = t_ns * 1e-9, velocity.v, velocity.w
+        if not (math.isfinite(v) and math.isfinite(w)):
+            v = w = 0.0  # so the base takes it
         if v >= STILL_V:
             self._ahead_at = t
         elif v <= -STILL_V:
