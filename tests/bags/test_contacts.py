@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from cfnav_ros.bags.contacts import (
     BUMP,
@@ -153,6 +154,20 @@ def test_pushing_on_against_the_same_thing_is_one_contact():
     again = [(1.0, 0.2, 0.0, 0.0, 0.0), REST, REST, REST]
     found = stalls(drive(100, MOVE, *again, *again, *again))
     assert [c.source for c in found] == [STALL]
+
+
+@pytest.mark.parametrize("stands", [0.1, 0.8])
+def test_each_touch_of_a_base_that_backs_off_by_itself_counts_once(stands):
+    touch = [(1.0, 0.2, 0.0, 0.2, 0.0), (stands, 0.2, 0.0, 0.0, 0.0)]
+    touch += [(0.5, 0.2, 0.0, -0.14, 0.0)]  # still told to drive ahead
+    found = stalls(drive(100, *touch, *touch, *touch, REST))
+    assert [c.source for c in found] == [STALL] * 3
+    assert np.diff([c.t_ns * 1e-9 for c in found]) == pytest.approx(1.5 + stands, abs=0.11)
+
+
+def test_a_base_that_creeps_along_what_it_touches_has_one_contact():
+    slow = (3.0, 0.2, 0.0, 0.01, 0.0)
+    assert len(stalls(drive(100, MOVE, (0.6, 0.2, 0.0, 0.0, 0.0), slow, slow))) == 1
 
 
 def test_two_things_touched_are_two_contacts():

@@ -130,14 +130,15 @@ class Whereabouts:
         while t_ns - poses[0][0] > SAME_TOUCH_S * 1e9:
             poses.popleft()
 
-    def speed_before(self, t_ns: int) -> float | None:
-        """The largest speed, m/s, within ``BEFORE_S`` before a time; None if unknown."""
-        within = (abs(p.v) for t, p in self._poses if 0 <= t_ns - t <= BEFORE_S * 1e9)
-        return max(within, default=None)
+    def contact(
+        self, t_ns: int, source: str, touched: str = "", before: float = BEFORE_S
+    ) -> Contact:
+        """A contact at the newest pose; its place is not a number while there is none.
 
-    def contact(self, t_ns: int, source: str, touched: str = "") -> Contact:
-        """A contact at the newest pose; its place is not a number while there is none."""
-        speed = self.speed_before(t_ns)
+        Its speed is the largest of the odometry within ``before``, seconds.
+        """
+        within = (abs(p.v) for t, p in self._poses if 0 <= t_ns - t <= before * 1e9)
+        speed = max(within, default=None)
         if not self._poses:
             return Contact(t_ns, math.nan, math.nan, touched, source=source)
         pose = self._poses[-1][1]

@@ -19,13 +19,13 @@ from collections import deque
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from cfnav_ros.bags.contacts import SAME_TOUCH_S, STALL, Contact, Whereabouts
+from cfnav_ros.bags.contacts import STALL, Contact, Whereabouts
 from cfnav_ros.bags.events import Pose, Velocity
 from cfnav_ros.conduct import REFLEX_S
 from cfnav_ros.disturbance import SLIP_RAD, SLIP_SHARE, SLIP_WINDOW_S
 from cfnav_ros.inputs import AgeLimits
 from cfnav_ros.motion import RETREAT, STALL_M, MotionLimits, Odometry, wrap
-from cfnav_ros.track import DRIFT_V, DRIFT_W, MIN_DT_S, STILL_V, STILL_W, Track
+from cfnav_ros.track import BUMP_GAP_S, DRIFT_V, DRIFT_W, MIN_DT_S, STILL_V, STILL_W, Track
 
 NO_START = "no start"
 """Source of a contact that is none: told to move, and never moved."""
@@ -33,6 +33,10 @@ NO_START = "no start"
 STALL_S = 0.5
 """The executor gives up 1 s after its last 2 cm of way (``stall_time``), of which creeping takes
 0.4 s: so long at least it goes on telling a blocked base to move."""
+
+IMPACT_S = 0.5
+"""The impact was at most so long before the base stood: it pushes on a little. Nobody told it to
+brake."""
 
 COMMAND_S = 0.5
 """A base forgets a command after this time (create3_sim ``motion_control_node.cpp``)."""
@@ -73,7 +77,7 @@ class StallContacts:
         self._held: Odometry | None = None
         self._counted_at = -math.inf
         self._ahead_at = -math.inf
-        self._foremost: Odometry | None = None
+        self._foremost: tuple[Odometry, bool] | None = None  # (pose, held there already)
 
     def told(self, t_ns: int, velocity: Velocity) -> None:
         """Take the next command."""
@@ -121,14 +125,17 @@ class StallContacts:
         return None
 
     def _contact(self, sample: Odometry, source: str, where: Whereabouts) -> Contact | None:
-        """The contact at a sample, None while it is still the one counted last."""
+        """The contact at a sample; it is held until the base has left the place.
+
+        None when it is too near in time to the contact before: the base slides along what it
+        touches.
+        """
         self._held = sample
         t = self._moved_at if math.isfinite(self._moved_at) else sample.stamp
-        if source is STALL:
-            before, self._counted_at = self._counted_at, t
-            if abs(t - before) <= SAME_TOUCH_S:
-                return None
-        return where.contact(round(t * 1e9), source)
+        slid, self._counted_at = t - self._counted_at <= BUMP_GAP_S, t
+        if slid:
+            return None
+        return where.contact(round(t * 1e9), source, before=IMPACT_S)
 
     def _drop(self) -> None:
         """The base is not told to go on as it was."""
@@ -168,16 +175,17 @@ class StallContacts:
         foremost = self._foremost
         if foremost is None:
             # A base that was told back before still rolls back.
-            self._foremost = sample if sample.v > -STILL_V else None
+            self._foremost = (sample, self._held is not None) if sample.v > -STILL_V else None
             return False
-        ahead = Order(False, 1, 0.0).way(foremost, sample)
+        pose, held = foremost
+        ahead = Order(False, 1, 0.0).way(pose, sample)
         if ahead >= 0:
-            self._foremost = sample
+            self._foremost = (sample, self._held is not None)
         if ahead > -RETREAT * STALL_M:
             return False
         self._foremost, self._ahead_at = None, -math.inf
-        self._moved_at = foremost.stamp
-        return True
+        self._moved_at = pose.stamp
+        return not held
 
     def _stands(self, sample: Odometry) -> bool:
         order, t = self._order, sample.stamp
