@@ -108,6 +108,13 @@ def test_an_end_without_its_start_keeps_what_the_bag_holds():
     assert len(drive_.decisions) == 1
 
 
+def test_starts_and_ends_that_were_recorded_twice_count_once():
+    events = [pose(100), start(101), start(101), pose(102), end(103), end(103), pose(104)]
+    (drive_,), notes = drives_of(events)
+    assert (drive_.seconds, drive_.notes) == (pytest.approx(2.0), ())
+    assert ["all that was recorded" in note for note in notes] == [True]
+
+
 def test_goals_that_never_began_are_no_drives_but_said():
     events = [start(101), end(102, "Book", "preempted"), end(103), end(104, "Pen", "canceled")]
     (drive_,), notes = drives_of(events)

@@ -189,7 +189,8 @@ class DriveLog:
         """Take a sample; its goal tells it from a placing of the robot for another episode."""
         if self.found == POLICY and event.goal != self.goal:
             return
-        sample, before = replace(event, t_ns=t_ns), self._truths.newest
+        sample = event if event.t_ns == t_ns else replace(event, t_ns=t_ns)
+        before = self._truths.newest
         changed = before is not None and _state(before) != _state(sample)
         if before is not None and (before.room, before.goal) == (sample.room, sample.goal):
             self._truth_length += math.hypot(sample.x - before.x, sample.y - before.y)

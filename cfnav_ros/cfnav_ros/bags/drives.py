@@ -28,6 +28,7 @@ from cfnav_ros.bags.events import (
 )
 from cfnav_ros.bags.stalls import StallContacts
 from cfnav_ros.frames import FrameTree
+from cfnav_ros.inputs import OTHER_TIME_S
 from cfnav_ros.outcome import UNFINISHED
 
 __all__ = ["Book", "Drive"]
@@ -151,6 +152,8 @@ class Book:
         if self._by_file:
             return
         if told.started:
+            if self._open and (self._open.start_ns, self._open.goal) == (t, told.goal):
+                return  # recorded twice
             if self._open:
                 self._open.end_ns = t
                 self._open.notes.append("Another episode began before this one's end was told.")
@@ -179,7 +182,11 @@ class Book:
         """The end of an episode that was not seen to begin."""
         rest = self._rest
         drove = rest is not None and any(d.goal == told.goal for d in rest.decisions)
-        if self._latched(told) and not drove:
+        if rest is not None and rest.start_ns == t:
+            self.notes.append(
+                f"The end of an episode of {told.goal} is all that was recorded of it."
+            )
+        elif self._latched(told) and not drove:
             self.notes.append(f"The episode of {told.goal} was over before the recording began.")
         elif self._open or rest is None or (told.outcome in NEVER_BEGAN and not drove):
             self.notes.append(
@@ -197,8 +204,9 @@ class Book:
     def _latched(self, told: Told) -> bool:
         """Whether a message is older than the bag: the last ones reach late listeners too."""
         begin = self._begin_ns
-        fresh = begin is None or told.log_ns - begin > LATE_S * 1e9
-        return not fresh and told.t_ns < told.log_ns - LATE_S * 1e9
+        if begin is None or told.log_ns - begin > LATE_S * 1e9:
+            return False
+        return LATE_S < (told.log_ns - told.t_ns) * 1e-9 < OTHER_TIME_S
 
     def _begin(self, log: DriveLog) -> None:
         log.map, log.odom_in_map = self._map, self._odom_in_map
@@ -227,6 +235,8 @@ class Book:
 
     def _close(self) -> list[Drive]:
         """The drives of which nothing more can come."""
+        if not self._closing:
+            return []
         due = [log for ended, log in self._closing if self._log_ns - ended > LATE_S * 1e9]
         self._closing = [(e, log) for e, log in self._closing if log not in due]
         return [self._drive(log) for log in due]

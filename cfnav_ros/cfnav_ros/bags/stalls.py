@@ -191,7 +191,7 @@ class StallContacts:
         order, t = self._order, sample.stamp
         if order is None or not self._commands or t - self._commands[-1][0] > COMMAND_S:
             return False
-        if t - order.since < SLIP_WINDOW_S or len(self._poses) < 3:
+        if t - order.since < SLIP_WINDOW_S or len(self._poses) < 3 or self._moved_at >= t:
             return False
         recent = [p for p in self._poses if p.stamp >= max(order.since, t - SLIP_WINDOW_S)]
         if self._started and not _frozen(recent) and self._track.slip.complaint():
