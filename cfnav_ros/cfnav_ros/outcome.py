@@ -1,7 +1,7 @@
 """What happened in each episode, from the events that a bag holds.
 
-Pure: knows neither ROS nor bags. Times are integer nanoseconds of node time, as stamped by whoever
-published the event, so that they can be compared exactly.
+Pure: knows neither ROS nor how bags are read. Times are integer nanoseconds of node time, as
+stamped by whoever published the event, so that they can be compared exactly.
 """
 
 from __future__ import annotations

@@ -115,6 +115,13 @@ def test_starts_and_ends_that_were_recorded_twice_count_once():
     assert ["all that was recorded" in note for note in notes] == [True]
 
 
+def test_an_end_stamped_before_its_start_ends_with_the_last_message():
+    back = dataclasses.replace(end(104, outcome="aborted"), t_ns=ns(100.5))
+    (drive_,), _ = drives_of([start(101), *drive(101, MOVE), back, pose(108)])
+    assert drive_.seconds == pytest.approx(0.95)
+    assert any("clock went back" in note for note in drive_.notes)
+
+
 def test_goals_that_never_began_are_no_drives_but_said():
     events = [start(101), end(102, "Book", "preempted"), end(103), end(104, "Pen", "canceled")]
     (drive_,), notes = drives_of(events)

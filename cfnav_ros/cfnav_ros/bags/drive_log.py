@@ -123,6 +123,11 @@ class DriveLog:
         """Whether a time lies within the drive."""
         return self.start_ns <= t_ns and (self.end_ns is None or t_ns <= self.end_ns)
 
+    @property
+    def last_ns(self) -> int:
+        """Time of the latest event of the drive so far."""
+        return max(self._last.values(), default=self.start_ns)
+
     def take(self, t_ns: int, event: Event | Contact) -> None:
         """Take an event or a contact of the drive's time."""
         if isinstance(event, Contact):
@@ -151,8 +156,7 @@ class DriveLog:
         Args:
             heard: kinds of events that the bag has held so far.
         """
-        last = max(self._last.values(), default=self.start_ns)
-        end_ns = last if self.end_ns is None else self.end_ns
+        end_ns = self.last_ns if self.end_ns is None else self.end_ns
         could = self._could_tell(heard)
         notes = (*self.notes, *self._incomplete(end_ns, could))
         row = self.row

@@ -11,7 +11,8 @@ from collections import Counter, deque
 from collections.abc import Sequence
 
 from cfnav_ros.bags.clocks import Clocks
-from cfnav_ros.bags.contacts import BumpContacts, ClearanceContacts, Contact, Whereabouts
+from cfnav_ros.bags.contacts import Contact
+from cfnav_ros.bags.detectors import Detectors
 from cfnav_ros.bags.drive_log import BAG, FILE, POLICY, Drive, DriveLog
 from cfnav_ros.bags.episodes_file import EpisodeRow
 from cfnav_ros.bags.events import (
@@ -26,7 +27,6 @@ from cfnav_ros.bags.events import (
     Truth,
     Velocity,
 )
-from cfnav_ros.bags.stalls import StallContacts
 from cfnav_ros.frames import FrameTree
 from cfnav_ros.inputs import OTHER_TIME_S
 from cfnav_ros.outcome import UNFINISHED
@@ -34,6 +34,9 @@ from cfnav_ros.outcome import UNFINISHED
 __all__ = ["Book", "Drive"]
 
 USED = (Bumps, Decided, Judged, OccupancyMap, Pose, Told, Truth, Velocity)
+
+MOST = 1e6
+"""Larger numbers, metres or radians, come from no drive."""
 
 RECENT = 4096
 """Messages of the last ``LATE_S`` at most: a log whose time stands must not fill the memory."""
@@ -68,7 +71,7 @@ class Book:
         self._rows = deque(sorted(rows, key=lambda row: row.start))
         self._by_file = bool(rows)
         self._clocks = Clocks()
-        self._detectors = _Detectors()
+        self._detectors = Detectors()
         self._begin_ns: int | None = None
         self._log_ns = 0
         self._heard: frozenset[type[Event]] = frozenset()
@@ -90,7 +93,7 @@ class Book:
             self._begin_ns = event.log_ns
         if not isinstance(event, USED):
             return []
-        if not _finite(event):
+        if not _sensible(event):
             self._unsound[event.topic] += 1
             return []
         t = self._clocks.time(event)
@@ -122,7 +125,7 @@ class Book:
             for row in self._rows
         ]
         self.notes += [
-            f"{count} messages of {topic} hold a number that is not finite; they are left out."
+            f"{count} messages of {topic} hold a number that makes no sense; they are left out."
             for topic, count in self._unsound.items()
         ]
         self._unsound.clear()
@@ -218,6 +221,9 @@ class Book:
     def _end(self, log: DriveLog) -> None:
         """The end of a drive is known; what tells of it may still come."""
         self._found = True
+        if log.end_ns is not None and log.end_ns < log.start_ns:
+            log.end_ns = log.last_ns
+            log.notes.append("The clock went back: the drive ends with its last message before.")
         self._closing.append((self._log_ns, log))
         self._open = None
         self._rest = DriveLog(BAG, log.end_ns or self._log_ns)
@@ -257,7 +263,8 @@ class Book:
         for parent, child, at, quaternion in event.transforms:
             names = (parent.split("/")[-1], child.split("/")[-1])
             tree = FrameTree()
-            if names != MAP_FRAMES or not tree.add(*names, at, quaternion):
+            sensible = names == MAP_FRAMES and _within(*at, *quaternion)
+            if not sensible or not tree.add(*names, at, quaternion):
                 continue
             pose = tree.pose(*names)
             assert pose is not None
@@ -265,36 +272,16 @@ class Book:
             self._odom_in_map = (float(pose[0, 3]), float(pose[1, 3]), yaw)
 
 
-def _finite(event: Event) -> bool:
+def _sensible(event: Event) -> bool:
     """Whether the numbers of an event make sense."""
     if isinstance(event, Pose):
-        return all(map(math.isfinite, (event.x, event.y, event.yaw, event.v, event.w)))
+        return _within(event.x, event.y, event.yaw, event.v, event.w)
     if isinstance(event, Truth):
-        return all(map(math.isfinite, (event.x, event.y, event.yaw, event.shortest_path)))
+        return _within(event.x, event.y, event.yaw, event.impact_speed, event.shortest_path)
     if isinstance(event, Judged):
-        return math.isfinite(event.estimate.clearance) and 0 <= event.estimate.probability <= 1
-    return not isinstance(event, Decided) or math.isfinite(event.detection_score)
+        return _within(event.estimate.clearance) and 0 <= event.estimate.probability <= 1
+    return not isinstance(event, Decided) or _within(event.detection_score)
 
 
-class _Detectors:
-    """The detectors of contacts that know no episodes; the truth's counter does."""
-
-    def __init__(self) -> None:
-        self._where = Whereabouts()
-        self._bumps, self._stalls, self._clearance = (
-            BumpContacts(), StallContacts(), ClearanceContacts()
-        )  # fmt: skip
-
-    def see(self, t: int, event: Event) -> list[Contact]:
-        """Take an event of a time; returns the contacts that it shows."""
-        contact: Contact | None = None
-        if isinstance(event, Pose):
-            self._where.see(t, event)
-            contact = self._stalls.moved(t, event, self._where)
-        elif isinstance(event, Velocity):
-            self._stalls.told(t, event)
-        elif isinstance(event, Bumps):
-            contact = self._bumps.see(t, event, self._where)
-        elif isinstance(event, Judged):
-            contact = self._clearance.see(t, event, self._where)
-        return [contact] if contact else []
+def _within(*numbers: float) -> bool:
+    return all(abs(number) <= MOST for number in numbers)  # not so if it is not a number

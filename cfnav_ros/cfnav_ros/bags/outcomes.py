@@ -103,7 +103,7 @@ class DriveOutcome:
 def judge(drive: Drive) -> DriveOutcome:
     """Work out the figures of a drive."""
     success_by = _successes(drive)
-    contacts_by = _contacts(drive)
+    contacts_by = contacts_of(drive)
     counts = {source: sum(c.count for c in found) for source, found in contacts_by.items()}
     success = _success(drive, success_by)
     collisions = _collisions(counts)
@@ -200,8 +200,8 @@ def _success(drive: Drive, by: Mapping[str, bool]) -> Fact:
     return Fact(None, why="neither the policy nor a file says whether the goal was reached")
 
 
-def _contacts(drive: Drive) -> dict[str, tuple[Contact, ...]]:
-    """The contacts by source, and those that a real robot can know."""
+def contacts_of(drive: Drive) -> dict[str, tuple[Contact, ...]]:
+    """The contacts by source, with ``OBSERVABLE``: what a real robot can know, each touch once."""
     found = {**drive.contacts}
     if BUMP in found or STALL in found:
         found[OBSERVABLE] = observable(found.get(BUMP, ()), found.get(STALL, ()))
