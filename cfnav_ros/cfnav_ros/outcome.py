@@ -1,7 +1,7 @@
 """What happened in each episode, from the events that a bag holds.
 
-Pure: knows neither ROS nor bags. Times are integer nanoseconds of node time, as stamped by whoever
-published the event, so that they can be compared exactly.
+Pure: knows neither ROS nor how bags are read. Times are integer nanoseconds of node time, as
+stamped by whoever published the event, so that they can be compared exactly.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
 from cfnav_core.actions import Action
+from cfnav_ros.bags.contacts import Contact, Counted, TruthContacts
 
 UNFINISHED = "unfinished"
 """Outcome of an episode whose end the bag does not hold."""
@@ -31,6 +33,7 @@ class Truth:
     goal: str
     shortest_path: float
     contact_with: str = ""
+    impact_speed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -90,17 +93,6 @@ class Outcome:
     steps: int
     path_length_m: float
     shortest_path_m: float
-
-
-@dataclass(frozen=True)
-class Contact:
-    """One collision: where the robot was and what it touched."""
-
-    t_ns: int
-    x: float
-    y: float
-    contact_with: str
-    count: int = 1
 
 
 @dataclass(frozen=True)
@@ -177,16 +169,26 @@ def path_length(truths: Sequence[Truth]) -> float:
     return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairs)
 
 
-def contact_onsets(truths: Sequence[Truth]) -> tuple[Contact, ...]:
-    """Return each rise of the collision counter; the first sample is the baseline.
+def contact_onsets(truths: Sequence[Counted]) -> tuple[Contact, ...]:
+    """Return each rise of the collision counter; the first sample is the baseline."""
+    detector = TruthContacts()
+    seen = [detector.see(sample) for sample in truths]
+    return tuple(contact for contact in seen if contact)
 
-    The simulator publishes a sample at every onset, so a rise stands at the pose of the contact.
-    """
-    return tuple(
-        Contact(b.t_ns, b.x, b.y, b.contact_with, b.collisions - a.collisions)
-        for a, b in itertools.pairwise(truths)
-        if b.collisions > a.collisions
-    )
+
+class Moment(Protocol):
+    """What has a time, nanoseconds."""
+
+    @property
+    def t_ns(self) -> int: ...  # noqa: D102
+
+
+M = TypeVar("M", bound=Moment)
+
+
+def nearest(samples: Sequence[M], t_ns: int) -> M:
+    """Return the sample nearest to a time; the first of two as near."""
+    return min(samples, key=lambda sample: abs(sample.t_ns - t_ns))
 
 
 def _episode(events: Events, start: Status, end: Status | None, end_ns: int) -> Episode:
@@ -242,4 +244,4 @@ def _goal_visible_at_done(
             f"the episode {goal!r} ended as done but the bag holds no decision Done; messages of "
             "policy/decision are missing"
         )
-    return min(truths, key=lambda s: abs(s.t_ns - done[-1].t_ns)).goal_visible
+    return nearest(truths, done[-1].t_ns).goal_visible

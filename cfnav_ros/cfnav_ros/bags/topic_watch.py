@@ -1,0 +1,209 @@
+"""Watches the messages of one topic: rate, gaps, stamps, repetitions, reasons. Pure."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+
+from cfnav_ros.bags.clocks import LOOKED_AT, OTHER_CLOCK_S, Clocks
+from cfnav_ros.bags.events import (
+    Bumps,
+    Decided,
+    Event,
+    Joint,
+    Judged,
+    LaserTurn,
+    Picture,
+    Pose,
+    Tick,
+    Truth,
+    Unreadable,
+    Velocity,
+)
+from cfnav_ros.bags.frozen import Frozen
+from cfnav_ros.bags.intervals import JOIN_S, Intervals
+from cfnav_ros.inputs import FUTURE_S, AgeLimits
+from cfnav_ros.lidar import Verdict
+
+_AGES = AgeLimits()
+LIMITS_S: dict[type[Event], float] = {
+    Picture: _AGES.frame,
+    LaserTurn: _AGES.estimate,
+    Judged: _AGES.estimate,
+    Pose: _AGES.odometry,
+    Joint: _AGES.tilt,
+}
+"""Longest time without a message, or oldest message, that the robot acts on, seconds. Other topics
+speak when something happens, so silence is no gap in them."""
+
+ORDERED = (Picture, LaserTurn, Pose, Joint)
+"""What has one publisher and new stamps in every message."""
+
+MOST_REASONS = 24
+"""Different reasons kept of a topic; others are counted together."""
+
+OTHERS = "other reasons"
+
+STAMPED = (*LIMITS_S, Truth, Decided, Bumps, Velocity)
+"""What is stamped when it is made; latched topics tell late listeners of long ago."""
+
+
+@dataclass
+class TopicHealth:
+    """Figures of one topic.
+
+    Attributes:
+        topic: its name in the bag.
+        kind: of its events, such as ``Picture``.
+        messages: how many.
+        first: log time of the first, s from the start of the bag; ``last`` likewise.
+        longest_gap: between two messages, s of log time.
+        verdicts: s of time that the estimates of each verdict held, for a topic of estimates.
+    """
+
+    topic: str
+    kind: str
+    messages: int = 0
+    first: float = math.nan
+    last: float = math.nan
+    longest_gap: float = 0.0
+    verdicts: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def rate(self) -> float | None:
+        """Mean rate, messages a second; None with fewer than two."""
+        lasted = self.last - self.first
+        return (self.messages - 1) / lasted if self.messages > 1 and lasted > 0 else None
+
+
+@dataclass
+class Reason:
+    """Messages for one reason: ``text`` is that of the first; ``start`` and ``end`` in seconds."""
+
+    text: str
+    start: float
+    end: float
+    count: int = 0
+    seconds: float = 0.0
+
+
+class TopicWatch:
+    """One topic.
+
+    Attributes:
+        figures: its figures so far.
+        found: intervals by kind of finding (``health.TREATED``).
+        reasons: by (blind, degraded or unreadable; reason without its numbers).
+    """
+
+    def __init__(self, topic: str, kind: type[Event]) -> None:
+        self.figures = TopicHealth(topic, kind.__name__)
+        self.found: dict[str, Intervals] = {}
+        self.reasons: dict[tuple[str, str], Reason] = {}
+        self._clocks = Clocks()
+        self._limit = LIMITS_S.get(kind)
+        self._ordered = kind in ORDERED
+        self._stamped = kind in STAMPED
+        self._frozen = Frozen()
+        self._stamp_ns: int | None = None
+        self._verdict: tuple[float, str, Reason | None] | None = None
+
+    def see(self, t: float, event: Event, pose: Pose | None) -> None:
+        """Take the next message.
+
+        Args:
+            t: its log time, s from the start of the bag.
+            event: what it holds.
+            pose: newest odometry.
+        """
+        figures = self.figures
+        before = figures.last
+        figures.messages += 1
+        if event.log_ns > 0:
+            self._rate(t)
+        if self._stamped:
+            self._stamp(t, before if math.isfinite(before) else t, event)
+        if isinstance(event, Picture):
+            self._repeats("frozen pictures", t, event, event.data, pose)
+        elif isinstance(event, LaserTurn):
+            self._repeats("frozen scans", t, event, event.scan.ranges, pose)
+        elif isinstance(event, Judged):
+            self._judge(t, event)
+        elif isinstance(event, Unreadable):
+            self._reason("unreadable", event.reason, t)
+        elif isinstance(event, Tick):
+            self._order("clock jump", "", t, event.t_ns)
+
+    def _find(self, kind: str, start: float, end: float, size: float = 0.0) -> None:
+        self.found.setdefault(kind, Intervals()).add(start, end, size)
+
+    def _rate(self, t: float) -> None:
+        figures = self.figures
+        if not math.isfinite(figures.first):
+            figures.first = t
+        else:
+            gap = t - figures.last
+            figures.longest_gap = max(figures.longest_gap, gap)
+            if self._limit is not None and gap > self._limit:
+                self._find("gap", figures.last, t, gap)
+        figures.last = t
+
+    def _stamp(self, t: float, before: float, event: Event) -> None:
+        if event.t_ns <= 0:
+            self._find("unstamped", t, t)
+            return
+        if self._ordered:
+            self._order("backward", "repeated", t, event.t_ns)
+        if event.log_ns <= 0:
+            return
+        usual = self._clocks.behind(event) * 1e-9
+        if abs(usual) > OTHER_CLOCK_S and self.figures.messages > LOOKED_AT // 2:
+            # An interval goes on while messages come, however seldom.
+            start = before if t - before > JOIN_S else t
+            self._find("clock", start, t, usual)
+        later = (event.log_ns - event.t_ns) * 1e-9 - usual
+        if self._limit is not None and later > self._limit:
+            self._find("late", t, t, later)
+        elif self._limit is not None and later < -FUTURE_S:
+            self._find("ahead", t, t, -later)
+
+    def _order(self, back: str, again: str, t: float, stamp_ns: int) -> None:
+        before, self._stamp_ns = self._stamp_ns, stamp_ns
+        if before is None:
+            return
+        if stamp_ns < before:
+            self._find(back, t, t, (before - stamp_ns) * 1e-9)
+        elif stamp_ns == before and again:
+            self._find(again, t, t)
+
+    def _repeats(self, kind: str, t: float, event: Event, data: object, pose: Pose | None) -> None:
+        since = self._frozen.see(t, event.t_ns, data, pose)
+        if since is not None:
+            self._find(kind, since, t)
+
+    def _judge(self, t: float, event: Judged) -> None:
+        """Take an estimate; one holds until the next, but no longer than it may be old."""
+        verdict, reason = event.estimate.verdict, event.estimate.reason
+        if self._verdict is not None and self._limit is not None:
+            since, name, held = self._verdict
+            seconds = min(max(t - since, 0.0), self._limit)
+            verdicts = self.figures.verdicts
+            verdicts[name] = verdicts.get(name, 0.0) + seconds
+            if held is not None:
+                held.seconds += seconds
+                held.end = max(held.end, since + seconds)
+        kept = None
+        if verdict is not Verdict.GOOD:
+            kept = self._reason(verdict.name.lower(), reason, t)
+        self._verdict = (t, verdict.name, kept)
+
+    def _reason(self, kind: str, text: str, t: float) -> Reason:
+        """Count a message by its reason; those that differ in numbers only are one."""
+        key = (kind, re.sub(r"\d+(\.\d+)?", "#", text))
+        if key not in self.reasons and len(self.reasons) >= MOST_REASONS:
+            key, text = (kind, OTHERS), OTHERS
+        reason = self.reasons.setdefault(key, Reason(text, t, t))
+        reason.count += 1
+        reason.end = max(reason.end, t)
+        return reason
