@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cfnav_ros.bags.events import Event, Picture, Pose
-from cfnav_ros.bags.reading import Bag, BagError, find_bags
+from cfnav_ros.bags.reading import SORTED_NS, Bag, BagError, find_bags
 from cfnav_ros.bags.roles import ROLES, assign
 from cfnav_ros.bags.storage import MAX_MESSAGE
 
@@ -125,6 +125,13 @@ def test_damaged_metadata_is_named_and_not_needed(tmp_path, expected, text):
     assert len(notes) == 1
     assert "metadata.yaml cannot be read" in notes[0]
     assert "\n" not in notes[0]
+
+
+@pytest.mark.parametrize("variant", ["mcap", "sqlite", "mcap chunks", "mcap without chunks"])
+def test_messages_without_a_checksum_are_counted(tmp_path, expected, variant):
+    with Bag(VARIANTS[variant](tmp_path / "bag", DRIVE)) as bag:
+        count = sum(1 for _ in bag.messages())
+        assert bag.unchecked == (0 if variant == "mcap chunks" else count)
 
 
 def test_a_robot_in_a_namespace_reads_the_same(tmp_path, expected):
@@ -308,11 +315,17 @@ def test_a_damaged_definition_costs_its_topic_only(tmp_path, definition, said):
 def test_log_times_of_two_clocks_keep_the_order_of_recording(tmp_path):
     """Before /clock a recorder in simulated time logs 0; later the simulation begins again."""
     times = [0, 0, 5 * S, 6 * S, 7 * S - 1, 7 * S - 2, 90 * S, 1 * S, 2 * S]
+    assert SORTED_NS < S
     said = [Message("/odom", ODOM, t, odometry(S + n, float(n))) for n, t in enumerate(times)]
     with Bag(write(tmp_path / "bag", said)) as bag:
         order = [event.x for event in bag.events(assign(bag.topics)) if isinstance(event, Pose)]
         assert order == [0, 1, 2, 3, 5, 4, 6, 7, 8]
         assert any("leap back" in note for note in bag.notes)
+
+
+def test_a_message_larger_than_all_that_may_be_held_is_read(tmp_path, monkeypatch, expected):
+    monkeypatch.setattr("cfnav_ros.bags.reading.HELD_BYTES", 100)
+    assert len(read(write(tmp_path / "bag", DRIVE))[0]) == len(expected)
 
 
 def test_memory_does_not_grow_with_the_bag(tmp_path, monkeypatch):

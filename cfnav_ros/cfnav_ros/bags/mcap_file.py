@@ -33,8 +33,6 @@ CHUNK_INDEX, STATISTICS, DATA_END = 0x08, 0x0B, 0x0F
 LAST, PRIVATE = 0x0F, 0x80
 """Kinds of records beyond ``LAST`` do not exist; from ``PRIVATE`` on they are a writer's own."""
 
-Buffer = bytes | memoryview
-
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
@@ -63,7 +61,7 @@ class Declared:
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._notes = notes
 
-    def take(self, kind: int, content: Buffer) -> None:
+    def take(self, kind: int, content: bytes) -> None:
         """Take the content of a record; kinds other than SCHEMA and CHANNEL say nothing here.
 
         Raises:
@@ -98,6 +96,7 @@ class McapFile:
         """
         self.path = path
         self.declared: dict[Key, Topic] = {}
+        self.unchecked = 0
         self._zipped = path.suffix == ".zstd"
         self._notes = notes
 
@@ -116,7 +115,7 @@ class McapFile:
     def messages(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
         """What can be read, in the order of the file; None wants all topics."""
         index = self._index() or Index()
-        declared = Declared(self._notes)
+        declared, self.unchecked = Declared(self._notes), 0
         try:
             with self._open() as file:
                 for at, kind, content in self._records(file, index.chunks):
@@ -134,20 +133,25 @@ class McapFile:
     ) -> Iterator[Raw]:
         """The messages in one record of the file."""
         try:
-            records: Iterable[tuple[int, Buffer]] = [(kind, content)]
+            spans: Iterable[tuple[int, int, int]] = [(kind, 0, len(content))]
+            checked = False
             if kind == CHUNK:
-                records = _records_in(_unpack_chunk(content))
-            for inner, body in records:
+                content, checked = _unpack_chunk(content)
+                spans = _spans(content)
+            for inner, start, end in spans:
                 if inner != MESSAGE:
-                    declared.take(inner, body)
+                    declared.take(inner, content[start:end])
                     self.declared.update((t.key, t) for t in declared.topics.values() if t)
                     continue
-                channel, _, log_ns, _ = _unpack("<HIQQ", body, 0)
+                if end - start < _MESSAGE.size:
+                    raise ValueError("a message in it is too short")
+                channel, _, log_ns, _ = _MESSAGE.unpack_from(content, start)
                 if channel not in declared.topics:
                     raise ValueError(f"a message belongs to channel {channel}, which is not named")
                 topic = declared.topics[channel]
                 if topic is not None and (wanted is None or topic.key in wanted):
-                    yield Raw(topic, log_ns, bytes(body[_MESSAGE.size :]))
+                    self.unchecked += not checked
+                    yield Raw(topic, log_ns, content[start + _MESSAGE.size : end])
         except DAMAGE as error:
             what = "chunk" if kind == CHUNK else "record"
             self._note(f"has a damaged {what} at byte {at}, which is left out: {error}")
@@ -202,7 +206,7 @@ class McapFile:
             return None
 
 
-def _unpack(layout: str, content: Buffer, at: int) -> tuple[int, ...]:
+def _unpack(layout: str, content: bytes, at: int) -> tuple[int, ...]:
     """Numbers at a place of a record."""
     try:
         return struct.unpack_from(layout, content, at)
@@ -210,33 +214,35 @@ def _unpack(layout: str, content: Buffer, at: int) -> tuple[int, ...]:
         raise ValueError("a record is shorter than its kind needs") from None
 
 
-def _text(content: Buffer, at: int) -> tuple[str, int]:
+def _text(content: bytes, at: int) -> tuple[str, int]:
     """A string at a place of a record, and the place behind it."""
     (length,) = _unpack("<I", content, at)
     start = at + 4
     if start + length > len(content):
         raise ValueError("a record is shorter than the string in it")
-    return str(content[start : start + length], "utf-8"), start + length
+    return content[start : start + length].decode(), start + length
 
 
-def _records_in(data: bytes) -> Iterator[tuple[int, memoryview]]:
-    """Kind and content of the records that lie one behind the other.
+def _spans(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Kind, start and end of the records that lie one behind the other.
 
     Raises:
         ValueError: the length of one does not fit; those before it have been given.
     """
-    view, at, end = memoryview(data), 0, len(data)
+    at, end = 0, len(data)
     while at < end:
-        kind, length = _unpack("<BQ", view, at)
-        at += _RECORD.size
-        if at + length > end:
+        start = at + _RECORD.size
+        if start > end:
+            raise ValueError("a record in it is cut short")
+        kind, length = _RECORD.unpack_from(data, at)
+        at = start + length
+        if at > end:
             raise ValueError("a record in it is longer than the rest of it")
-        yield kind, view[at : at + length]
-        at += length
+        yield kind, start, at
 
 
-def _unpack_chunk(content: bytes) -> bytes:
-    """The records of a chunk.
+def _unpack_chunk(content: bytes) -> tuple[bytes, bool]:
+    """The records of a chunk, and whether it has a checksum.
 
     Raises:
         DAMAGE: it cannot be unpacked, or is not what its checksum says.
@@ -261,7 +267,7 @@ def _unpack_chunk(content: bytes) -> bytes:
         raise ValueError(f"it unpacks to {len(data)} bytes, expected {size}")
     if checksum and crc32(data) != checksum:
         raise ValueError("its checksum is wrong")
-    return data
+    return data, checksum != 0
 
 
 def _summary(file: IO[bytes]) -> bytes:
@@ -293,7 +299,8 @@ def _summary(file: IO[bytes]) -> bytes:
 def _read_index(summary: bytes, notes: Notes) -> Index:
     """Read the index from the records before the footer."""
     index, declared = Index(), Declared(notes)
-    for kind, content in _records_in(summary):
+    for kind, start, end in _spans(summary):
+        content = summary[start:end]
         declared.take(kind, content)
         if kind == CHUNK_INDEX:
             index.chunks.append(_unpack("<QQQ", content, 0)[2])

@@ -40,7 +40,7 @@ def read_metadata(folder: Path, notes: Notes) -> Metadata:
     try:
         if path.stat().st_size > MAX_METADATA:
             raise ValueError(f"it is larger than {MAX_METADATA} bytes")
-        said = YAML(typ="safe", pure=True).load(path.read_text())["rosbag2_bagfile_information"]
+        said = YAML(typ="safe").load(path.read_text())["rosbag2_bagfile_information"]
         topics = []
         for entry in said["topics_with_message_count"]:
             about = entry["topic_metadata"]

@@ -1,17 +1,17 @@
 """Paths -> bags -> raw messages and events, in the order of their log times, as a stream.
 
-A damaged bag never raises: what is whole is read, what is not is named in ``Bag.notes``. Reading
-holds back ``HELD_BYTES`` to sort by log time, whatever the size of the bag.
+A damaged bag never raises: what is whole is read, what is not is named in ``Bag.notes``. Memory
+does not grow with the bag: one chunk is unpacked at a time, ``SORTED_NS`` are held to be sorted.
 """
 
 from __future__ import annotations
 
-import heapq
 import os
 import re
 from collections import Counter
 from collections.abc import Collection, Generator, Iterable, Iterator
 from dataclasses import replace
+from heapq import heappop, heappush
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -27,12 +27,13 @@ from cfnav_ros.bags.storage import DAMAGE, MAX_MESSAGE, Key, Notes, Raw, Storage
 
 SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 
-HELD_BYTES = 32 * 2**20
-"""Messages are written a little out of order; this many bytes of them are sorted at a time."""
+SORTED_NS = 500_000_000
+"""Messages are written a little out of order, as several threads hand them over. Log times that go
+back further are another clock's, or a simulation that was started again: sorting would mix what
+happened at different times."""
 
-LEAP_NS = 10_000_000_000
-"""Log times that go back further are another clock's, or a simulation that was started again:
-sorting would mix what happened at different times."""
+HELD_BYTES = 32 * 2**20
+"""Sorting holds no more than this, whatever was recorded."""
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 """How a compressed message begins; CDR begins with a zero."""
@@ -59,7 +60,8 @@ def find_bags(paths: Iterable[Path]) -> list[Path]:
     for path in paths:
         if not path.exists():
             raise BagError(f"{path} does not exist, expected a bag or a folder with bags.")
-        bags = _bags_in(path) if path.is_dir() else [path] * path.name.endswith(SUFFIXES)
+        single = path.is_file() and path.name.endswith(SUFFIXES)
+        bags = _bags_in(path) if path.is_dir() else [path] * single
         if not bags:
             raise BagError(
                 f"{path} is no bag and holds none: expected {METADATA}, {' or '.join(SUFFIXES)}."
@@ -122,6 +124,11 @@ class Bag:
         for generator in self._reading:
             generator.close()
 
+    @property
+    def unchecked(self) -> int:
+        """Messages read that no checksum protects: damage within them goes unnoticed."""
+        return sum(file.unchecked for file in self._files)
+
     def messages(self, wanted: Collection[Key] | None = None) -> Iterator[Raw]:
         """Read the messages in the order of their log times.
 
@@ -130,9 +137,9 @@ class Bag:
 
         Yields:
             Messages as they were published, unpacked if they were packed one by one. Where log
-            times leap back by more than ``LEAP_NS`` the order is that of recording.
+            times go back by more than ``SORTED_NS`` the order is that of recording.
         """
-        reading = self._in_order(self._whole(self._read(wanted)))
+        reading = self._in_order(self._read(wanted))
         self._reading.append(reading)
         return reading
 
@@ -167,7 +174,12 @@ class Bag:
         """The files of the bag in the order of recording."""
         if not self.path.is_dir():
             return [_storage(self.path, self.notes)]
-        here = {p.name for p in self.path.iterdir() if p.name.endswith(SUFFIXES) and p.is_file()}
+        try:
+            inside = [p.name for p in self.path.iterdir() if p.is_file()]
+        except OSError as error:
+            self.notes.add(f"{self.path} cannot be read: {error}.")
+            return []
+        here = {name for name in inside if name.endswith(SUFFIXES)}
         here -= {f"{name}.zstd" for name in here}  # somebody has unpacked them
         listed = []
         for name in metadata.files:
@@ -207,12 +219,24 @@ class Bag:
         )
 
     def _read(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
-        """Read the files one after the other, then compare with what the bag says that it holds."""
-        read = Counter[Key]()
+        """Read the files one after the other, and unpack messages that were packed one by one."""
+        read, damaged = Counter[Key](), Counter[str]()
         for file in self._files:
             for raw in file.messages(wanted):
                 read[raw.topic.key] += 1
-                yield raw
+                if not raw.data.startswith(_ZSTD):
+                    yield raw
+                    continue
+                try:
+                    yield raw._replace(data=unzip(raw.data, MAX_MESSAGE))
+                except DAMAGE:
+                    damaged[raw.topic.name] += 1
+        for name, count in damaged.items():
+            self.notes.add(f"{count} messages of {name} cannot be unpacked: they are left out.")
+        self._compare(read, wanted)
+
+    def _compare(self, read: Counter[Key], wanted: Collection[Key] | None) -> None:
+        """Name what the bag says that it holds and what was not found, and the other way round."""
         for topic in self.topics:
             listed = topic.count is not None and (wanted is None or topic.key in wanted)
             if listed and read[topic.key] != topic.count:
@@ -224,47 +248,37 @@ class Bag:
             for name, kind in sorted(file.declared.keys() - known):
                 self.notes.add(f"{file.path.name} holds {name} ({kind}), which no index lists.")
 
-    def _whole(self, raws: Iterable[Raw]) -> Iterator[Raw]:
-        """Unpack the messages that were packed one by one."""
-        damaged: Counter[str] = Counter()
-        for raw in raws:
-            if not raw.data.startswith(_ZSTD):
-                yield raw
-                continue
-            try:
-                yield raw._replace(data=unzip(raw.data, MAX_MESSAGE))
-            except DAMAGE:
-                damaged[raw.topic.name] += 1
-        for name, count in damaged.items():
-            self.notes.add(f"{count} messages of {name} cannot be unpacked: they are left out.")
-
     def _in_order(self, raws: Iterator[Raw]) -> Generator[Raw, None, None]:
-        """Sort by log time as far as ``HELD_BYTES`` and ``LEAP_NS`` reach."""
+        """Sort by log time as far as ``SORTED_NS`` and ``HELD_BYTES`` reach."""
         held: list[tuple[int, int, Raw]] = []
-        size, newest_ns = 0, 0
+        size = newest_ns = 0
         for number, raw in enumerate(raws):
-            if raw.log_ns < newest_ns - LEAP_NS:
+            if raw.log_ns < newest_ns - SORTED_NS:
                 self.notes.add(
                     f"Log times of {self.path} leap back: another clock or another run. Messages "
                     "come in the order of recording there."
                 )
-                while held:
-                    yield heapq.heappop(held)[2]
+                yield from _emptied(held)
                 size, newest_ns = 0, raw.log_ns
             newest_ns = max(newest_ns, raw.log_ns)
-            heapq.heappush(held, (raw.log_ns, number, raw))
+            heappush(held, (raw.log_ns, number, raw))
             size += len(raw.data)
-            while size > HELD_BYTES:
-                oldest = heapq.heappop(held)[2]
+            while held and (size > HELD_BYTES or held[0][0] < newest_ns - SORTED_NS):
+                oldest = heappop(held)[2]
                 size -= len(oldest.data)
                 yield oldest
-        while held:
-            yield heapq.heappop(held)[2]
+        yield from _emptied(held)
+
+
+def _emptied(held: list[tuple[int, int, Raw]]) -> Iterator[Raw]:
+    """What a heap of messages holds, the oldest first."""
+    while held:
+        yield heappop(held)[2]
 
 
 def _storage(path: Path, notes: Notes) -> Storage:
     """A storage file by the end of its name."""
-    kind = McapFile if ".mcap" in path.suffixes[-2:] else SqliteFile
+    kind = McapFile if path.name.removesuffix(".zstd").endswith(".mcap") else SqliteFile
     return kind(path, notes)
 
 

@@ -1,4 +1,7 @@
-"""A sqlite3 file of rosbag2 as raw messages, in the order of recording up to the first damage."""
+"""A sqlite3 file of rosbag2 as raw messages, in the order of recording up to the first damage.
+
+Such a file has no checksums: a picture whose bytes were changed cannot be told from a whole one.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,7 @@ class SqliteFile:
         """
         self.path = path
         self.declared: dict[Key, Topic] = {}
+        self.unchecked = 0
         self._zipped = path.suffix == ".zstd"
         self._notes = notes
 
@@ -50,35 +54,51 @@ class SqliteFile:
 
     def messages(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
         """What can be read up to the first damage; None wants all topics."""
-        read = 0
+        seen, last, self.unchecked = 0, None, 0
         try:
             with self._open() as base:
-                for raw in self._rows(base, wanted):
-                    read += 1
-                    yield raw
+                topics = self._declared(base)
+                for row, number, log_ns, data in self._rows(base, topics, wanted):
+                    if last is not None and row <= last:
+                        raise ValueError("its rows go round in a circle")
+                    seen, last, topic = seen + 1, row, topics.get(number)
+                    if topic is not None and isinstance(data, bytes) and isinstance(log_ns, int):
+                        self.unchecked += 1
+                        yield Raw(topic, log_ns, data)
+                    elif data is not None or number not in topics:
+                        self._note(f"has a message without topic, time or content in row {row}")
+                self._compare(base, seen)
         except (sqlite3.Error, *DAMAGE) as error:
-            self._note(f"is damaged, what follows its first {read} messages is lost: {error}")
+            self._note(f"is damaged, what follows its first {seen} messages is lost: {error}")
 
-    def _rows(self, base: sqlite3.Connection, wanted: Collection[Key] | None) -> Iterator[Raw]:
-        """The rows of the table of messages, in the order in which they were written."""
-        topics = self._declared(base)
+    def _rows(
+        self,
+        base: sqlite3.Connection,
+        topics: dict[int, Topic | None],
+        wanted: Collection[Key] | None,
+    ) -> sqlite3.Cursor:
+        """All rows of the table of messages in the order of writing, with content if wanted."""
         numbers = [n for n, t in topics.items() if t and (wanted is None or t.key in wanted)]
         marks = ",".join("?" * len(numbers))
         # Not sorted by time: that needs an index, which is one more thing that can be damaged.
-        rows = base.execute(
-            "SELECT id, topic_id, timestamp, data FROM messages "
-            f"WHERE topic_id IN ({marks}) ORDER BY id",
+        return base.execute(
+            f"SELECT id, topic_id, timestamp, CASE WHEN topic_id IN ({marks}) THEN data END "
+            "FROM messages ORDER BY id",
             numbers,
         )
-        last = None
-        for row, number, log_ns, data in rows:
-            if last is not None and row <= last:
-                raise ValueError("its rows go round in a circle")
-            last, topic = row, topics.get(number)
-            if topic is not None and isinstance(log_ns, int) and isinstance(data, bytes):
-                yield Raw(topic, log_ns, data)
-            else:
-                self._note(f"has a message without time or content in row {row}")
+
+    def _compare(self, base: sqlite3.Connection, seen: int) -> None:
+        """Compare the rows with the index by time: a damaged page can lose some without a word."""
+        if not base.execute("SELECT 1 FROM sqlite_master WHERE name = 'timestamp_idx'").fetchall():
+            return
+        try:
+            listed = base.execute("SELECT count(timestamp) FROM messages INDEXED BY timestamp_idx")
+            ((count,),) = listed.fetchall()
+        except sqlite3.Error as error:
+            self._note(f"may have lost messages, its index by time cannot be read: {error}")
+            return
+        if count != seen:
+            self._note(f"lists {count} messages in its index by time, {seen} were found")
 
     def _declared(self, base: sqlite3.Connection) -> dict[int, Topic | None]:
         """The topics by their number, None for those that are not CDR."""

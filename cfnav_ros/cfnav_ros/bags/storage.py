@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -40,7 +41,7 @@ class Topic:
     definition: str = field(default="", repr=False)
     language: str = ""
 
-    @property
+    @cached_property
     def key(self) -> Key:
         """Name and type."""
         return self.name, self.type
@@ -80,6 +81,8 @@ class Storage(Protocol):
     path: Path
     declared: dict[Key, Topic]
     """Topics that ``messages`` has come across."""
+    unchecked: int
+    """Messages given in this pass that no checksum protects: damage within them goes unnoticed."""
 
     def topics(self, counted: bool) -> list[Topic] | None:
         """The topics as the file's own index has them.
