@@ -1,0 +1,120 @@
+"""Message types of a bag: from the definitions that it holds, else those of ROS 2 Jazzy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from cfnav_ros.bags.storage import Key, Notes, Topic
+
+MAX_DEFINITION = 200_000
+"""Characters; the longest definitions have a tenth of it."""
+
+MAX_ARRAY = 256
+"""Longest array of strings or messages of fixed length: the code that reads it grows with it."""
+
+_HAZARD = "uint8 BUMP=1\nstd_msgs/Header header\nuint8 type\n"
+_SPLIT = "=" * 80 + "\n"
+
+WITHOUT_DEFINITION = {
+    "irobot_create_msgs/msg/HazardDetectionVector": (
+        "std_msgs/Header header\nirobot_create_msgs/HazardDetection[] detections\n"
+        f"{_SPLIT}MSG: irobot_create_msgs/HazardDetection\n{_HAZARD}"
+        f"{_SPLIT}MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+        f"{_SPLIT}MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    )
+}
+"""Types of the robot that ROS 2 does not have: sqlite3 bags of Humble hold no definitions."""
+
+
+class MessageTypes:
+    """Gives the function that deserializes a topic's messages."""
+
+    def __init__(self, notes: Notes) -> None:
+        """Know no type yet.
+
+        Args:
+            notes: take a sentence for every type that cannot be built.
+        """
+        self._notes = notes
+        self._readers: dict[Key, Callable[[bytes], Any] | None] = {}
+
+    def reader(self, topic: Topic) -> Callable[[bytes], Any] | None:
+        """The function for a topic; None, and a note, when its type cannot be built.
+
+        It gives an object with the fields of the message. Arrays of numbers are read-only views of
+        the bytes, so that a picture costs no more than its header. It raises when they do not fit.
+        """
+        if topic.key not in self._readers:
+            try:
+                self._readers[topic.key] = self._build(topic)
+            except Exception as error:  # a damaged definition fails anywhere, in any way
+                said = " ".join(str(error).split())[:200].rstrip(".")
+                self._notes.add(
+                    f"{topic.name} is left out, its type {topic.type} cannot be built: {said}."
+                )
+                self._readers[topic.key] = None
+        return self._readers[topic.key]
+
+    def _build(self, topic: Topic) -> Callable[[bytes], Any]:
+        text = topic.definition or WITHOUT_DEFINITION.get(topic.type, "")
+        store = _store(topic.type, text, topic.language)
+        jazzy = get_typestore(Stores.ROS2_JAZZY).fielddefs.get(topic.type)
+        if jazzy and store.fielddefs[topic.type][1] != jazzy[1]:
+            self._notes.add(
+                f"The messages of {topic.name} have other fields than {topic.type} of ROS 2 Jazzy."
+            )
+        return partial(_deserialize, store, topic.type)
+
+
+def _deserialize(store: Typestore, name: str, data: bytes) -> Any:
+    return store.deserialize_cdr(data, name)
+
+
+@lru_cache(maxsize=128)  # building takes milliseconds a type, and bags of one robot have the same
+def _store(name: str, text: str, language: str) -> Typestore:
+    """A store that holds a type and those in it: by its definition or, without one, Jazzy's.
+
+    Raises:
+        ValueError: there is no definition, or it makes no sense; rosbags raises errors of its own.
+    """
+    store = get_typestore(Stores.EMPTY if text else Stores.ROS2_JAZZY)
+    if text:
+        store.register(_parse(name, text, language))
+    elif name not in store.fielddefs:
+        raise ValueError("the bag holds no definition of it, and ROS 2 Jazzy has no such type")
+    store.get_msgdef(name)
+    return store
+
+
+def _parse(name: str, text: str, language: str) -> dict:
+    """Parse a definition.
+
+    Raises:
+        ValueError: it is too long, or would make reading endless.
+    """
+    if len(text) > MAX_DEFINITION:
+        raise ValueError(f"its definition has {len(text)} characters")
+    types: dict = {}
+    if language == "ros2idl":
+        for part in text.split(_SPLIT):
+            types.update(
+                get_types_from_idl(part.partition("\n")[2] if part[:4] == "IDL:" else part)
+            )
+    else:
+        types.update(get_types_from_msg(text, name))
+    for _, fields in types.values():
+        for field, (kind, what) in fields:
+            if kind == Nodetype.ARRAY and what[1] > MAX_ARRAY and _is_object(what[0]):
+                raise ValueError(f"its field {field} has {what[1]} elements")
+    return types
+
+
+def _is_object(element: Any) -> bool:
+    """Whether an element of an array is a message or a string."""
+    return element[0] == Nodetype.NAME or element[1][0] in ("string", "wstring")

@@ -1,0 +1,155 @@
+"""A sqlite3 file of rosbag2 as raw messages, in the order of recording up to the first damage.
+
+Such a file has no checksums: a picture whose bytes were changed cannot be told from a whole one.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Collection, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from backports import zstd
+
+from cfnav_ros.bags.storage import DAMAGE, MAX_MESSAGE, Key, Notes, Raw, Topic, is_cdr
+
+
+class SqliteFile:
+    """One ``.db3`` or ``.db3.zstd``; the latter is unpacked beside the system's temporary files."""
+
+    def __init__(self, path: Path, notes: Notes) -> None:
+        """Name the file; nothing is read yet.
+
+        Args:
+            path: of the file.
+            notes: take a sentence for everything that cannot be read.
+        """
+        self.path = path
+        self.declared: dict[Key, Topic] = {}
+        self.unchecked = 0
+        self._zipped = path.suffix == ".zstd"
+        self._notes = notes
+
+    def topics(self, counted: bool) -> list[Topic] | None:
+        """The topics by their table; counting reads the table of messages without their content."""
+        if self._zipped:
+            return None
+        try:
+            with self._open() as base:
+                topics = self._declared(base)
+                if not counted:
+                    return [topic for topic in topics.values() if topic]
+                query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+                counts = dict(base.execute(query).fetchall())
+        except (sqlite3.Error, *DAMAGE):
+            return None
+        return [
+            Topic(t.name, t.type, counts.get(number, 0), t.definition, t.language)
+            for number, t in topics.items()
+            if t is not None
+        ]
+
+    def messages(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
+        """What can be read up to the first damage; None wants all topics."""
+        seen, last, self.unchecked = 0, None, 0
+        try:
+            with self._open() as base:
+                topics = self._declared(base)
+                for row, number, log_ns, data in self._rows(base, topics, wanted):
+                    if last is not None and row <= last:
+                        raise ValueError("its rows go round in a circle")
+                    seen, last, topic = seen + 1, row, topics.get(number)
+                    if topic is not None and isinstance(data, bytes) and isinstance(log_ns, int):
+                        self.unchecked += 1
+                        yield Raw(topic, log_ns, data)
+                    elif data is not None or number not in topics:
+                        self._note(f"has a message without topic, time or content in row {row}")
+                self._compare(base, seen)
+        except (sqlite3.Error, *DAMAGE) as error:
+            self._note(f"is damaged, what follows its first {seen} messages is lost: {error}")
+
+    def _rows(
+        self,
+        base: sqlite3.Connection,
+        topics: dict[int, Topic | None],
+        wanted: Collection[Key] | None,
+    ) -> sqlite3.Cursor:
+        """All rows of the table of messages in the order of writing, with content if wanted."""
+        numbers = [n for n, t in topics.items() if t and (wanted is None or t.key in wanted)]
+        marks = ",".join("?" * len(numbers))
+        # Not sorted by time: that needs an index, which is one more thing that can be damaged.
+        return base.execute(
+            f"SELECT id, topic_id, timestamp, CASE WHEN topic_id IN ({marks}) THEN data END "
+            "FROM messages ORDER BY id",
+            numbers,
+        )
+
+    def _compare(self, base: sqlite3.Connection, seen: int) -> None:
+        """Compare the rows with the index by time: a damaged page can lose some without a word."""
+        if not base.execute("SELECT 1 FROM sqlite_master WHERE name = 'timestamp_idx'").fetchall():
+            return
+        try:
+            listed = base.execute("SELECT count(timestamp) FROM messages INDEXED BY timestamp_idx")
+            ((count,),) = listed.fetchall()
+        except sqlite3.Error as error:
+            self._note(f"may have lost messages, its index by time cannot be read: {error}")
+            return
+        if count != seen:
+            self._note(f"lists {count} messages in its index by time, {seen} were found")
+
+    def _declared(self, base: sqlite3.Connection) -> dict[int, Topic | None]:
+        """The topics by their number, None for those that are not CDR."""
+        tables = base.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+        if not {("topics",), ("messages",)} <= set(tables):
+            raise ValueError("it has no tables of topics and messages")
+        definitions: dict[str, tuple[str, str]] = {}
+        if ("message_definitions",) in tables:
+            query = "SELECT topic_type, encoded_message_definition, encoding "
+            for name, *text in base.execute(query + "FROM message_definitions"):
+                definitions[str(name)] = (str(text[0]), str(text[1]))
+        topics: dict[int, Topic | None] = {}
+        query = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+        for number, name, kind, encoding in base.execute(query):
+            topic = Topic(str(name), str(kind), None, *definitions.get(str(kind), ("", "")))
+            topics[number] = topic if is_cdr(str(encoding), topic.name, self._notes) else None
+        self.declared = {topic.key: topic for topic in topics.values() if topic}
+        return topics
+
+    def _note(self, what: str) -> None:
+        self._notes.add(f"{self.path.name} {what}.")
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        """The file as a database that nobody can write to."""
+        with TemporaryDirectory(prefix="cfnav_bag_") if self._zipped else _nowhere() as folder:
+            path = self.path
+            if folder is not None:
+                path = Path(folder) / self.path.stem
+                self._unpack(path)
+            # A recorder that was killed leaves messages in the log beside the file, which sqlite
+            # reads only where it may assume that somebody else has the file open too.
+            log = path.with_name(path.name + "-wal")
+            alone = "" if log.exists() and log.stat().st_size else "&immutable=1"
+            uri = f"{path.resolve().as_uri()}?mode=ro{alone}"
+            with closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as base:
+                base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
+                base.text_factory = lambda text: text.decode(errors="replace")
+                base.execute("PRAGMA trusted_schema = OFF")
+                yield base
+
+    def _unpack(self, path: Path) -> None:
+        """Unpack the file; of a damaged one what comes before the damage."""
+        try:
+            with zstd.open(self.path, "rb") as packed, path.open("wb") as out:
+                shutil.copyfileobj(packed, out, 2**20)
+        except DAMAGE as error:
+            self._note(f"cannot be unpacked to its end: {error}")
+
+
+@contextmanager
+def _nowhere() -> Iterator[None]:
+    """No folder is needed."""
+    yield None
