@@ -169,6 +169,25 @@ def test_a_corrupt_chunk_costs_only_itself(tmp_path, expected):
     assert any("has a damaged chunk at byte" in note for note in notes)
 
 
+def test_the_index_names_what_was_named_in_a_corrupt_chunk(tmp_path, expected):
+    file = write_mcap(tmp_path / "bag.mcap", DRIVE)
+    data = bytearray(file.read_bytes())
+    first = next(at for at in range(len(data)) if data[at] == 6 and _chunk_length(data, at))
+    data[first + 200] ^= 0x10
+    file.write_bytes(data)
+    events, notes = read(file)
+    assert 0.7 < len(events) / len(expected) < 1.0
+    assert set(events) < set(expected)
+    assert any(f"has a damaged chunk at byte {first}" in note for note in notes)
+
+
+def test_times_before_1970_are_times(tmp_path):
+    said = [Message("/odom", ODOM, n * S, odometry(S, float(n))) for n in (-5, -4, -3)]
+    with Bag(write(tmp_path / "bag", said, SQLITE)) as bag:
+        assert [e.log_ns // S for e in bag.events(assign(bag.topics))] == [-5, -4, -3]
+        assert list(bag.notes) == []
+
+
 def test_reading_goes_on_behind_a_wrong_length(tmp_path, expected):
     file = write_mcap(tmp_path / "bag.mcap", DRIVE)
     data = bytearray(file.read_bytes())

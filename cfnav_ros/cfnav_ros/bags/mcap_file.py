@@ -119,7 +119,7 @@ class McapFile:
         try:
             with self._open() as file:
                 for at, kind, content in self._records(file, index.chunks):
-                    yield from self._of_record(at, kind, content, declared, wanted)
+                    yield from self._of_record(at, kind, content, declared, index, wanted)
         except DAMAGE as error:
             self._note(f"cannot be read: {error}")
 
@@ -129,6 +129,7 @@ class McapFile:
         kind: int,
         content: bytes,
         declared: Declared,
+        index: Index,
         wanted: Collection[Key] | None,
     ) -> Iterator[Raw]:
         """The messages in one record of the file."""
@@ -147,7 +148,9 @@ class McapFile:
                     raise ValueError("a message in it is too short")
                 channel, _, log_ns, _ = _MESSAGE.unpack_from(content, start)
                 if channel not in declared.topics:
-                    raise ValueError(f"a message belongs to channel {channel}, which is not named")
+                    if channel not in index.topics:
+                        raise ValueError(f"it has a message of channel {channel}, which is unknown")
+                    declared.topics[channel] = index.topics[channel]  # named in a damaged chunk
                 topic = declared.topics[channel]
                 if topic is not None and (wanted is None or topic.key in wanted):
                     self.unchecked += not checked

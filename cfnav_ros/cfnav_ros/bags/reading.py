@@ -251,7 +251,7 @@ class Bag:
     def _in_order(self, raws: Iterator[Raw]) -> Generator[Raw, None, None]:
         """Sort by log time as far as ``SORTED_NS`` and ``HELD_BYTES`` reach."""
         held: list[tuple[int, int, Raw]] = []
-        size = newest_ns = 0
+        size, newest_ns = 0, -(2**63)
         for number, raw in enumerate(raws):
             if raw.log_ns < newest_ns - SORTED_NS:
                 self.notes.add(
