@@ -12,7 +12,7 @@ than a fixed number of bytes.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,6 +82,7 @@ class Replay:
         limits: EpisodeLimits | None = None,
         infer: bool = False,
         bag: str = "",
+        look: Callable[[int, np.ndarray], None] = lambda stamp_ns, rgb: None,
     ) -> None:
         """Prepare.
 
@@ -92,7 +93,9 @@ class Replay:
                 decisions ask; recorded ones say so themselves). Its defaults when None.
             infer: the bag holds no decisions: infer the driven actions.
             bag: name of the bag.
+            look: shown the stamp and the RGB of each picture that is decided on.
         """
+        self._look = look
         self.steps: list[ReplayStep] = []
         self.left_out: list[LeftOut] = []
         self._runners = [_Runner(name, policy) for name, policy in policies.items()]
@@ -255,6 +258,7 @@ class Replay:
         except ValueError as error:
             self._leave_out(moment.step, moment.t_ns, moment.driven, str(error))
             return
+        self._look(moment.picture.t_ns, rgb)
         looks: dict[str, Observation] = {}
         for runner in self._runners:
             if runner.refused:

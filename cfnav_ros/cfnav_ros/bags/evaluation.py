@@ -1,0 +1,218 @@
+"""One bag in one pass: its drives judged, bundles replayed over them, its sensors watched.
+
+Memory does not grow with the bag: pictures live for seconds, and of each drive a handful stay as
+small JPEG files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from cfnav_core.policy import Policy
+from cfnav_ros.bags.contacts import Contact
+from cfnav_ros.bags.decode import TILT_JOINT
+from cfnav_ros.bags.drives import Book, Drive
+from cfnav_ros.bags.episodes_file import EpisodeRow
+from cfnav_ros.bags.estimates import Estimates
+from cfnav_ros.bags.events import Event, Judged, LaserTurn
+from cfnav_ros.bags.film import Film
+from cfnav_ros.bags.health import Finding, Health
+from cfnav_ros.bags.outcomes import OBSERVABLE, DriveOutcome, contacts_of, judge
+from cfnav_ros.bags.reading import Bag
+from cfnav_ros.bags.replay import Replay
+from cfnav_ros.bags.replay_step import LeftOut, ReplayStep, labelled
+from cfnav_ros.bags.roles import Roles, assign
+from cfnav_ros.bags.topic_watch import TopicHealth
+from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.scan_watch import LidarParameters
+
+TICK = 1000
+"""Events between two words of progress."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How bags are evaluated.
+
+    Attributes:
+        bundles: folders of those that are replayed, by name; "" is the shipped one.
+        topics: names of topics by role, where they are not the usual ones.
+        rows: of an episodes file.
+        lidar: of the LiDAR node; ``mount_given``: its mounting was set by somebody.
+        limits: of the policy node.
+        tilt_joint: name of the camera's tilt.
+    """
+
+    bundles: Mapping[str, str] = field(default_factory=dict)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    rows: tuple[EpisodeRow, ...] = ()
+    lidar: LidarParameters = field(default_factory=LidarParameters)
+    mount_given: bool = False
+    limits: EpisodeLimits = field(default_factory=EpisodeLimits)
+    tilt_joint: str = TILT_JOINT
+
+
+@dataclass(frozen=True)
+class EvaluatedDrive:
+    """A drive with its figures.
+
+    Attributes:
+        drive: what happened.
+        outcome: its figures.
+        contacts: those that count: of the truth, else what a real robot can know.
+        steps: answers of the bundles to its decisions, labelled.
+        pictures: JPEG files of the decisions worth a picture, by the picture's stamp.
+    """
+
+    drive: Drive
+    outcome: DriveOutcome
+    contacts: tuple[Contact, ...]
+    steps: tuple[ReplayStep, ...]
+    pictures: Mapping[int, bytes]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What one bag says.
+
+    Attributes:
+        name: of the bag.
+        seconds: from its first event to its last, by log time.
+        events: that were read.
+        roles: names of the topics by role.
+        missing: roles without a topic.
+        drives: in the order of their starts.
+        left_out: decisions that no bundle could answer, and why.
+        topics: health of each topic.
+        findings: what is wrong with the sensors, and how it was treated.
+        notes: what was chosen and what could not be read, a sentence each.
+        damaged: whether some of it could not be read.
+    """
+
+    name: str
+    seconds: float
+    events: int
+    roles: Mapping[str, str]
+    missing: tuple[str, ...]
+    drives: tuple[EvaluatedDrive, ...]
+    left_out: tuple[LeftOut, ...]
+    topics: tuple[TopicHealth, ...]
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    damaged: bool
+
+
+@lru_cache(maxsize=8)
+def policy_of(folder: str) -> Policy:
+    """A bundle, loaded once in this process; see ``Policy.load``."""
+    return Policy.load(folder or None)
+
+
+def evaluate(
+    path: Path, options: Options, tick: Callable[[int], None] = lambda events: None
+) -> Evaluation:
+    """Evaluate one bag.
+
+    Args:
+        path: one of those that ``find_bags`` gives.
+        options: how.
+        tick: told now and then how many more events have been read.
+
+    Raises:
+        BundleError: a bundle cannot be used.
+    """
+    with Bag(path) as bag:
+        roles = assign(bag.topics, options.topics)
+        work = _Work(path, roles, options)
+        for count, event in enumerate(bag.events(roles, options.tilt_joint), 1):
+            work.see(event)
+            if count % TICK == 0:
+                tick(TICK)
+        tick(work.events % TICK)
+        return work.finish(tuple(bag.notes))
+
+
+class _Work:
+    """Every part of the evaluation, shown the same events."""
+
+    def __init__(self, path: Path, roles: Roles, options: Options) -> None:
+        self.events = 0
+        self._name, self._roles = path.name, roles
+        self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
+        self._health, self._book, self._film = Health(), Book(options.rows), Film()
+        self._estimates = Estimates(options.lidar, options.mount_given)
+        self._scanned = "scan" in roles.topics
+        self._infer = not _holds(roles, "decision")
+        self._replay = Replay(
+            {name: policy_of(folder) for name, folder in options.bundles.items()},
+            self._estimates, options.limits, infer=self._infer, bag=path.name, look=self._film.add,
+        )  # fmt: skip
+        self._first_ns = self._last_ns = 0
+        self._next = 0
+        self._running: EpisodeRow | None = None
+        self._finished: list[tuple[Drive, Mapping[int, bytes]]] = []
+
+    def see(self, event: Event) -> None:
+        """Take the next event."""
+        self.events += 1
+        self._first_ns = self._first_ns or event.log_ns
+        self._last_ns = max(self._last_ns, event.log_ns)
+        self._health.see(event)
+        if isinstance(event, Judged) and self._scanned:
+            return  # those made again count, as the bundles see them
+        for judged in self._estimates.see(event) if self._scanned else ():
+            self._health.see(judged)
+            self._keep(self._book.see(judged))
+        if self._infer:
+            self._begin_rows(event)
+        self._replay.see(event)
+        if not isinstance(event, LaserTurn):
+            self._keep(self._book.see(event))
+
+    def finish(self, notes: Sequence[str]) -> Evaluation:
+        """The bag is over."""
+        self._replay.finish()
+        self._keep(self._book.finish())
+        return Evaluation(
+            name=self._name,
+            seconds=(self._last_ns - self._first_ns) * 1e-9,
+            events=self.events,
+            roles={role: topic.name for role, topic in self._roles.topics.items()},
+            missing=self._roles.missing,
+            drives=tuple(self._evaluated(*kept) for kept in self._finished),
+            left_out=tuple(self._replay.left_out),
+            topics=self._health.topics(),
+            findings=self._health.findings(),
+            notes=(*self._roles.notes, *self._book.notes, *notes),
+            damaged=bool(notes),
+        )
+
+    def _begin_rows(self, event: Event) -> None:
+        """Tell the replay of the drives of an episodes file; recorded ones tell it themselves."""
+        seconds = (event.log_ns - self._first_ns) * 1e-9
+        if self._running and seconds > self._running.end:
+            self._replay.end(event.log_ns)
+            self._running = None
+        if self._next < len(self._rows) and seconds >= self._rows[self._next].start:
+            self._running = self._rows[self._next]
+            self._next += 1
+            self._replay.begin(self._running.goal, event.log_ns)
+
+    def _keep(self, drives: Sequence[Drive]) -> None:
+        self._finished += [(drive, self._film.cut(drive)) for drive in drives]
+
+    def _evaluated(self, drive: Drive, pictures: Mapping[int, bytes]) -> EvaluatedDrive:
+        outcome, found = judge(drive), contacts_of(drive)
+        source = outcome.collisions.source
+        contacts = found.get(source, ()) if source else found.get(OBSERVABLE, ())
+        within = [s for s in self._replay.steps if drive.start_ns <= s.t_ns <= drive.end_ns]
+        steps = labelled(within, [c.t_ns for c in contacts]) if source else within
+        return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures)
+
+
+def _holds(roles: Roles, role: str) -> bool:
+    topic = roles.topics.get(role)
+    return topic is not None and topic.count != 0

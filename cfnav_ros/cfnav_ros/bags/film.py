@@ -1,0 +1,80 @@
+"""The camera pictures of a drive that are worth showing, as small JPEG files. Pure."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from PIL import Image
+
+from cfnav_ros.bags.drives import Drive
+from cfnav_ros.bags.outcomes import OBSERVABLE, contacts_of
+
+FRAMES = 8
+"""Pictures shown of each drive."""
+
+SIDE = 300
+"""Of a picture's longer side, pixels: what the camera of the demo gives."""
+
+MOST = 2000
+"""Pictures kept while a drive lasts; of a longer one the oldest are lost."""
+
+
+class Film:
+    """Keeps the pictures that decisions were taken on until their drive is over."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, bytes] = {}
+
+    def add(self, stamp_ns: int, rgb: np.ndarray) -> None:
+        """A decision was taken on a picture, uint8 [H, W, 3]."""
+        if stamp_ns in self._kept:
+            return
+        if len(self._kept) >= MOST:
+            self._kept.pop(next(iter(self._kept)))
+        self._kept[stamp_ns] = _jpeg(rgb)
+
+    def cut(self, drive: Drive) -> Mapping[int, bytes]:
+        """The pictures of a finished drive that are worth showing; those before it are dropped."""
+        inside = {ns: data for ns, data in self._kept.items() if ns <= drive.end_ns}
+        for ns in inside:
+            del self._kept[ns]
+        return {ns: inside[ns] for ns in key_stamps(drive, sorted(inside))}
+
+
+def key_stamps(drive: Drive, stamps: Sequence[int], count: int = FRAMES) -> list[int]:
+    """Choose the pictures worth showing.
+
+    First and last, those before each collision, those of vetoed decisions, that of the most
+    probable collision; the rest evenly spaced.
+
+    Args:
+        drive: a finished drive.
+        stamps: of its pictures, ascending, nanoseconds.
+        count: of those to choose.
+    """
+    if len(stamps) <= count:
+        return list(stamps)
+    times, last = np.array(stamps), len(stamps) - 1
+    found = contacts_of(drive)
+    contacts = found.get("truth", found.get(OBSERVABLE, ()))
+    chosen = {int(np.searchsorted(times, c.t_ns, side="right")) - 1 for c in contacts}
+    place = {ns: k for k, ns in enumerate(stamps)}
+    shown = [d for d in drive.decisions if d.image_ns in place]
+    if shown:
+        chosen.add(place[max(shown, key=lambda d: d.collision_probability).image_ns])
+    chosen |= {place[d.image_ns] for d in shown if d.vetoed}
+    chosen = {0, last, *sorted(chosen - {-1, 0, last})[: count - 2]}
+    for k in np.linspace(0, last, count).round().astype(int):
+        if len(chosen) < count:
+            chosen.add(int(k))
+    return [stamps[k] for k in sorted(chosen)]
+
+
+def _jpeg(rgb: np.ndarray) -> bytes:
+    picture = Image.fromarray(np.ascontiguousarray(rgb))
+    picture.thumbnail((SIDE, SIDE))
+    buffer = io.BytesIO()
+    picture.save(buffer, format="JPEG", quality=80)
+    return buffer.getvalue()
