@@ -186,9 +186,8 @@ class Play:
 
     @property
     def count(self) -> int | None:
-        """Messages to be read, None when only reading tells."""
-        keys = {*self._sources, *([self._clock.key] if self._clock else [])}
-        counts = [topic.count for topic in self._bag.topics if topic.key in keys]
+        """Messages to be played, None when only reading tells."""
+        counts = [topic.count for topic in self._bag.topics if topic.key in self._sources]
         known = [count for count in counts if count is not None]
         return sum(known) if len(known) == len(counts) else None
 
@@ -205,15 +204,13 @@ class Play:
             yield Beat(pace.at_ns, pace.node_ns, item.source, item.data)
             due_ns = pace.at_ns + tick_ns
 
-    def finish(self) -> None:
-        """Add what was found on the way to the notes of the bag."""
-        notes = self._bag.notes
+    def finish(self) -> list[str]:
+        """Note in the bag what was left out; returns sentences about what was played otherwise."""
         for name, count in self._senseless.items():
-            notes.add(f"{count} messages of {name} make no sense: they are left out.")
-        if self.pace.leaps:
-            notes.add(f"Time leaps in {self.pace.leaps} places: the play went on at once there.")
-        if self.pace.strays:
-            notes.add(f"{self.pace.strays} messages have a stray time: they were played at once.")
+            self._bag.notes.add(f"{count} messages of {name} make no sense: they are left out.")
+        leaps, strays = self.pace.leaps, self.pace.strays
+        told = [f"Time leaps in {leaps} places: the play went on at once there."] * (leaps > 0)
+        return told + [f"{strays} messages had a stray time: they came at once."] * (strays > 0)
 
     def _items(self) -> Iterator[_Item]:
         """The messages that make sense, with the time that each has."""
