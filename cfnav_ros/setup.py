@@ -5,7 +5,7 @@ from setuptools import find_packages, setup
 PACKAGE = "cfnav_ros"
 EXECUTABLES = (
     "policy_node", "lidar_collision_node", "recorder_node", "bringup", "lidar_mask", "markers_node",
-    "bag_eval", "demo",
+    "bag_eval", "bag_play", "demo",
 )  # fmt: skip
 
 setup(

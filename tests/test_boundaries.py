@@ -24,7 +24,15 @@ ROS = {"rclpy", "cfnav_interfaces", "geometry_msgs", "irobot_create_msgs", "nav_
 ROS |= {"rosgraph_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "action_msgs", "rcl_interfaces"}
 ROS |= {"diagnostic_msgs", "std_srvs", "visualization_msgs"}
 ROS_FILES = {"mock_turtlebot4.py", "conversions.py", "parameters.py", "graph.py", "recorder.py"}
-ROS_FILES |= {"bench.py", "goals.py", "node_process.py", "senses.py", "velocity.py"}
+ROS_FILES |= {
+    "bag_play.py",
+    "bag_player.py",
+    "bench.py",
+    "goals.py",
+    "node_process.py",
+    "senses.py",
+    "velocity.py",
+}
 # A robot needs none of these: only what trains or exports may import torch.
 TORCH_FREE = (
     "cfnav_core.policy", "cfnav_core.perception", "cfnav_core.bundle", "cfnav_core.cli",

@@ -13,6 +13,10 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
+import tyro
+from cfnav_ros.bags.playing import PlayOptions
+from cfnav_ros.bags.roles import parse_topics
+from cfnav_ros.bags.sources import SENSORS
 from cfnav_ros.lidar import SweptDisc, estimate_collision
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import Motion, MotionLimits, Odometry, Status
@@ -67,6 +71,15 @@ def test_every_module_and_make_target_exists() -> None:
 def test_a_bringup_command_is_understood(arguments: tuple[str, ...]) -> None:
     config = bringup.parse(arguments)
     assert (CONFIG / config.params).is_file()
+
+
+@pytest.mark.parametrize(
+    "arguments", [args for module, args in python_modules() if module == "cfnav_ros.bag_play"]
+)
+def test_a_command_that_plays_a_bag_is_understood(arguments: tuple[str, ...]) -> None:
+    options = tyro.cli(PlayOptions, args=arguments)
+    options.check()
+    assert set(parse_topics(options.topic, SENSORS)) | {*options.wait_for} <= SENSORS.keys()
 
 
 def test_the_learning_command_runs(tmp_path: Path) -> None:

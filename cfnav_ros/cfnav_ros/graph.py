@@ -29,16 +29,12 @@ from rclpy.task import Future
 
 from cfnav_core.vocabulary import CATEGORIES
 from cfnav_ros.outcome import Outcome
-from cfnav_ros.processes import Child, GraphError, keep_local, node_command
+from cfnav_ros.processes import DISCOVERY_S, Child, GraphError, keep_local, node_command
 from cfnav_ros.recorder import Recorder
 from cfnav_ros.stop_signal import INTERRUPT
 
 DOMAINS = range(1, 102)
 """Domain ids whose ports are free of the system's own on Linux, without the default 0."""
-
-DISCOVERY_S = 4.0
-"""Wall seconds after which everybody in the domain has been heard of: a participant that misses
-our first announcement is heard at its own next one, and Fast DDS repeats them every 3 s."""
 
 READY_S = 90.0
 """Patience with the start of all nodes, wall seconds."""

@@ -18,6 +18,13 @@ ENDS_WITH_PARENT = "setpriv --pdeathsig INT"
 """What starts a program so that it is interrupted when its parent dies, even by SIGKILL: for the
 nodes of a launch, which does not end them then. A ``Child`` ends so by itself."""
 
+DISCOVERY_S = 4.0
+"""Wall seconds after which everybody in the domain has been heard of: a participant that misses
+our first announcement is heard at its own next one, and Fast DDS repeats them every 3 s."""
+
+LAST_DOMAIN = 101
+"""Domains beyond it may take ports that Linux gives to others."""
+
 _ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_SUPER_CLIENT")
 """Settings of the surroundings that could reach beyond this machine."""
 
@@ -106,6 +113,31 @@ def keep_local(environment: MutableMapping[str, str], logs: Path | None = None) 
         environment["ROS_LOG_DIR"] = str(logs / "ros")
     for name in _ELSEWHERE:
         environment.pop(name, None)
+
+
+def stay_apart(environment: MutableMapping[str, str], domain: str) -> int:
+    """Keep a replay away from every robot: on this machine, in a domain of its own.
+
+    Args:
+        environment: of the shell; that of the replay when this returns.
+        domain: of the replay.
+
+    Returns:
+        The domain.
+
+    Raises:
+        GraphError: the domain is none, or that of the shell, where a robot may be.
+    """
+    live = environment.get("ROS_DOMAIN_ID") or "0"
+    fits = domain.isascii() and domain.isdecimal() and int(domain) <= LAST_DOMAIN
+    if not fits or domain.lstrip("0") == live.lstrip("0"):
+        raise GraphError(
+            f"domain is {domain!r}, expected 0 to {LAST_DOMAIN} but not {live}, the domain of this "
+            "shell: nodes of a robot there would take the recording for its sensors."
+        )
+    environment["ROS_DOMAIN_ID"] = domain
+    keep_local(environment)
+    return int(domain)
 
 
 def _end_with_parent() -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cfnav_ros.processes import Child, keep_local, node_command
+from cfnav_ros.processes import Child, GraphError, keep_local, node_command, stay_apart
 
 
 def start(tmp_path: Path, code: str) -> Child:
@@ -85,3 +85,23 @@ def test_a_local_graph_forgets_what_leads_beyond_this_machine(tmp_path: Path) ->
     assert environment == {**kept, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     keep_local(environment, tmp_path)
     assert environment["ROS_LOG_DIR"] == f"{tmp_path}/ros"
+
+
+@pytest.mark.parametrize("shell", ["7", "007"])
+@pytest.mark.parametrize("domain", ["7", "elsewhere", "102", "-1", "", "²"])
+def test_a_replay_stays_out_of_the_domain_of_the_shell(shell: str, domain: str) -> None:
+    environment = {"ROS_DOMAIN_ID": shell}
+    with pytest.raises(GraphError, match="expected 0 to 101 but not"):
+        stay_apart(environment, domain)
+    assert environment == {"ROS_DOMAIN_ID": shell}
+
+
+@pytest.mark.parametrize("shell", [{}, {"ROS_DOMAIN_ID": ""}, {"ROS_DOMAIN_ID": "0"}])
+def test_a_shell_without_a_domain_is_in_the_first(shell: dict[str, str]) -> None:
+    with pytest.raises(GraphError, match="but not 0, the domain of this shell"):
+        stay_apart({**shell}, "0")
+    environment = {**shell, "ROS_STATIC_PEERS": "10.0.0.2"}
+    assert stay_apart(environment, "99") == 99
+    assert environment["ROS_DOMAIN_ID"] == "99"
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert "ROS_STATIC_PEERS" not in environment

@@ -76,11 +76,12 @@ class Declared:
         elif kind == CHANNEL:
             number, schema = _unpack("<HH", content, 0)
             name, at = _text(content, 4)
-            encoding, _ = _text(content, at)
+            encoding, at = _text(content, at)
             if number in self.topics:
                 return
             kind_name, language, definition = self._schemas.get(schema, ("", "", ""))
-            topic = Topic(name, kind_name, None, definition, language)
+            qos = _metadata(content, at).get("offered_qos_profiles", "")
+            topic = Topic(name, kind_name, None, definition, language, qos)
             self.topics[number] = topic if is_cdr(encoding, name, self._notes) else None
 
 
@@ -107,7 +108,7 @@ class McapFile:
             return None
         counts = index.counts
         return [
-            Topic(t.name, t.type, None if counts is None else counts.get(number, 0))
+            Topic(t.name, t.type, None if counts is None else counts.get(number, 0), qos=t.qos)
             for number, t in index.topics.items()
             if t is not None
         ]
@@ -224,6 +225,20 @@ def _text(content: bytes, at: int) -> tuple[str, int]:
     if start + length > len(content):
         raise ValueError("a record is shorter than the string in it")
     return content[start : start + length].decode(), start + length
+
+
+def _metadata(content: bytes, at: int) -> dict[str, str]:
+    """A map of strings at a place of a record; empty when it makes no sense."""
+    found = {}
+    try:
+        (length,) = _unpack("<I", content, at)
+        at, end = at + 4, at + 4 + length
+        while at < end:
+            name, at = _text(content, at)
+            found[name], at = _text(content, at)
+    except ValueError:
+        return {}
+    return found
 
 
 def _spans(data: bytes) -> Iterator[tuple[int, int, int]]:

@@ -18,16 +18,25 @@ MAX_DEFINITION = 200_000
 MAX_ARRAY = 256
 """Longest array of strings or messages of fixed length: the code that reads it grows with it."""
 
-_HAZARD = "uint8 BUMP=1\nstd_msgs/Header header\nuint8 type\n"
 _SPLIT = "=" * 80 + "\n"
+_HEADER = (
+    f"{_SPLIT}MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    f"{_SPLIT}MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)
+_HAZARD = "uint8 BUMP=1\nstd_msgs/Header header\nuint8 type\n"
 
 WITHOUT_DEFINITION = {
     "irobot_create_msgs/msg/HazardDetectionVector": (
         "std_msgs/Header header\nirobot_create_msgs/HazardDetection[] detections\n"
-        f"{_SPLIT}MSG: irobot_create_msgs/HazardDetection\n{_HAZARD}"
-        f"{_SPLIT}MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
-        f"{_SPLIT}MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-    )
+        f"{_SPLIT}MSG: irobot_create_msgs/HazardDetection\n{_HAZARD}{_HEADER}"
+    ),
+    "irobot_create_msgs/msg/WheelStatus": (
+        "std_msgs/Header header\nint16 current_ma_left\nint16 current_ma_right\n"
+        f"int16 pwm_left\nint16 pwm_right\nbool wheels_enabled\n{_HEADER}"
+    ),
+    "irobot_create_msgs/msg/DockStatus": (
+        f"std_msgs/Header header\nbool dock_visible\nbool is_docked\n{_HEADER}"
+    ),
 }
 """Types of the robot that ROS 2 does not have: sqlite3 bags of Humble hold no definitions."""
 
@@ -61,15 +70,23 @@ class MessageTypes:
                 self._readers[topic.key] = None
         return self._readers[topic.key]
 
+    def hash(self, topic: Topic) -> str:
+        """The hash of a topic's type as ROS 2 makes it (RIHS01); "" when it cannot be built."""
+        return _hash(*_described(topic)) if self.reader(topic) else ""
+
     def _build(self, topic: Topic) -> Callable[[bytes], Any]:
-        text = topic.definition or WITHOUT_DEFINITION.get(topic.type, "")
-        store = _store(topic.type, text, topic.language)
+        store = _store(*_described(topic))
         jazzy = get_typestore(Stores.ROS2_JAZZY).fielddefs.get(topic.type)
         if jazzy and store.fielddefs[topic.type][1] != jazzy[1]:
             self._notes.add(
                 f"The messages of {topic.name} have other fields than {topic.type} of ROS 2 Jazzy."
             )
         return partial(_deserialize, store, topic.type)
+
+
+def _described(topic: Topic) -> tuple[str, str, str]:
+    """Name, definition and language of a topic's type."""
+    return topic.type, topic.definition or WITHOUT_DEFINITION.get(topic.type, ""), topic.language
 
 
 def _deserialize(store: Typestore, name: str, data: bytes) -> Any:
@@ -90,6 +107,11 @@ def _store(name: str, text: str, language: str) -> Typestore:
         raise ValueError("the bag holds no definition of it, and ROS 2 Jazzy has no such type")
     store.get_msgdef(name)
     return store
+
+
+@lru_cache(maxsize=128)
+def _hash(name: str, text: str, language: str) -> str:
+    return _store(name, text, language).hash_rihs01(name)
 
 
 def _parse(name: str, text: str, language: str) -> dict:

@@ -45,7 +45,8 @@ def read_metadata(folder: Path, notes: Notes) -> Metadata:
         for entry in said["topics_with_message_count"]:
             about = entry["topic_metadata"]
             count = int(entry["message_count"])
-            topics.append(Topic(str(about["name"]), str(about["type"]), count))
+            qos = about.get("offered_qos_profiles", "")
+            topics.append(Topic(str(about["name"]), str(about["type"]), count, qos=qos))
         files = [PurePath(str(name)).name for name in said["relative_file_paths"]]
     except Exception as error:  # YAML of any shape fails in any way
         notes.add(f"{path} cannot be read: {' '.join(str(error).split())}.")

@@ -70,11 +70,12 @@ class Roles:
     missing: tuple[str, ...] = ()
 
 
-def parse_topics(words: Iterable[str]) -> dict[str, str]:
+def parse_topics(words: Iterable[str], roles: Mapping[str, Role] = ROLES) -> dict[str, str]:
     """Read ``ROLE:=NAME`` from a command line.
 
     Args:
         words: such as ``image:=/camera/color/image_raw``.
+        roles: that can be named.
 
     Returns:
         Names by role.
@@ -85,10 +86,10 @@ def parse_topics(words: Iterable[str]) -> dict[str, str]:
     named: dict[str, str] = {}
     for word in words:
         role, middle, name = word.partition(":=")
-        if not middle or not name or role not in ROLES:
+        if not middle or not name or role not in roles:
             raise ValueError(
                 f"The topic {word!r} is not understood, expected ROLE:=NAME with ROLE one of "
-                f"{', '.join(ROLES)}."
+                f"{', '.join(roles)}."
             )
         if role in named:
             raise ValueError(f"The role {role} is given twice, as {named[role]} and {name}.")
@@ -96,19 +97,24 @@ def parse_topics(words: Iterable[str]) -> dict[str, str]:
     return named
 
 
-def assign(topics: Sequence[Topic], named: Mapping[str, str] | None = None) -> Roles:
+def assign(
+    topics: Sequence[Topic],
+    named: Mapping[str, str] | None = None,
+    roles: Mapping[str, Role] = ROLES,
+) -> Roles:
     """Find the topic for every role.
 
     Args:
         topics: of a bag.
         named: names by role that the user gave.
+        roles: that are to be played.
 
     Returns:
         The roles; one that was named and cannot be played by that topic is missing.
     """
     chosen: dict[str, Topic] = {}
     notes: list[str] = []
-    for role, wanted in ROLES.items():
+    for role, wanted in roles.items():
         name = (named or {}).get(role)
         if name is None:
             found = _candidates(wanted, topics)
@@ -123,7 +129,7 @@ def assign(topics: Sequence[Topic], named: Mapping[str, str] | None = None) -> R
             notes.append(f"For {role} {_told(found[0])} was chosen, there are also {others}.")
         if found:
             chosen[role] = found[0]
-    missing = tuple(role for role in ROLES if role not in chosen)
+    missing = tuple(role for role in roles if role not in chosen)
     return Roles(chosen, tuple(notes), missing)
 
 

@@ -9,6 +9,7 @@ import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -47,9 +48,7 @@ class SqliteFile:
         except (sqlite3.Error, *DAMAGE):
             return None
         return [
-            Topic(t.name, t.type, counts.get(number, 0), t.definition, t.language)
-            for number, t in topics.items()
-            if t is not None
+            replace(t, count=counts.get(number, 0)) for number, t in topics.items() if t is not None
         ]
 
     def messages(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
@@ -111,9 +110,12 @@ class SqliteFile:
             for name, *text in base.execute(query + "FROM message_definitions"):
                 definitions[str(name)] = (str(text[0]), str(text[1]))
         topics: dict[int, Topic | None] = {}
-        query = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
-        for number, name, kind, encoding in base.execute(query):
-            topic = Topic(str(name), str(kind), None, *definitions.get(str(kind), ("", "")))
+        columns = [column[1] for column in base.execute("PRAGMA table_info(topics)")]
+        qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+        query = f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id"
+        for number, name, kind, encoding, offered in base.execute(query):
+            text = definitions.get(str(kind), ("", ""))
+            topic = Topic(str(name), str(kind), None, *text, str(offered))
             topics[number] = topic if is_cdr(str(encoding), topic.name, self._notes) else None
         self.declared = {topic.key: topic for topic in topics.values() if topic}
         return topics

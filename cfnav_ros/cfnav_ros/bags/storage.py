@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from backports import zstd
 
@@ -33,6 +33,7 @@ class Topic:
         count: messages, None when only reading tells.
         definition: the type's definition as the bag holds it, "" when it holds none.
         language: of the definition, ``ros2msg`` or ``ros2idl``.
+        qos: the profiles that its publishers offered, as YAML or what YAML gave; not checked.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Topic:
     count: int | None = None
     definition: str = field(default="", repr=False)
     language: str = ""
+    qos: Any = field(default="", repr=False, compare=False)
 
     @cached_property
     def key(self) -> Key:

@@ -5,13 +5,12 @@
 
 A replay plays only what sensors said, on this machine only and in a ROS domain of its own: no
 velocity leaves the bag, and no node of a robot hears the past. The LiDAR node judges the recorded
-scans anew, with the parameters given.
+scans anew, with the parameters given; the play begins when it listens.
 """
 
-from collections.abc import MutableMapping
 from pathlib import Path
 
-from cfnav_ros.processes import ENDS_WITH_PARENT, keep_local
+from cfnav_ros.processes import ENDS_WITH_PARENT, node_command, stay_apart
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
     DeclareLaunchArgument,
@@ -35,26 +34,6 @@ ARGUMENTS = (
 
 ROBOT = str(Path(__file__).with_name("robot.launch.py"))
 
-REPLAYED = (
-    "scan",
-    "oakd/rgb/preview/image_raw",
-    "oakd/rgb/preview/camera_info",
-    "odom",
-    "tf",
-    "tf_static",
-    "joint_states",
-    "hazard_detection",
-    "wheel_status",
-    "dock_status",
-)
-"""What the robot said; what it was told, and what was concluded, is left in the bag."""
-
-LAST_DOMAIN = 101
-"""Domains beyond it may take ports that Linux gives to others."""
-
-NEVER = ("cmd_vel", "cmd_vel_unstamped", "camera_tilt/command")
-"""Commands: named under replay/ should ever one of them be played."""
-
 
 def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     """Drive, and record it."""
@@ -62,34 +41,18 @@ def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     return [IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed])]
 
 
-def stay_apart(environment: MutableMapping[str, str], domain: str) -> None:
-    """Keep a replay away from every robot: on this machine, in a domain of its own.
-
-    Raises:
-        RuntimeError: the domain is none, or that of the shell, where a robot may be.
-    """
-    live = int(environment.get("ROS_DOMAIN_ID") or 0)
-    if not domain.isdecimal() or int(domain) > LAST_DOMAIN or int(domain) == live:
-        raise RuntimeError(
-            f"domain is {domain!r}, expected 0 to {LAST_DOMAIN} but not {live}, the domain of this "
-            "shell: nodes of a robot there would take the recording for its sensors."
-        )
-    environment["ROS_DOMAIN_ID"] = domain
-    keep_local(environment)
-
-
-def replay(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
-    """Play what the sensors said to the LiDAR node."""
-    space = f"/{given['namespace'].strip('/')}/" if given["namespace"] else "/"
-    play = ["ros2", "bag", "play", given["bag"], "--clock", "100", "--rate", given["rate"]]
-    play += ["--topics", *(space + name for name in REPLAYED)]
-    play += ["--remap", *(f"{space}{name}:={space}replay/{name}" for name in NEVER)]
+def replay(given: dict[str, str], live: str) -> list[LaunchDescriptionEntity]:
+    """Play what the sensors said to the LiDAR node; ``live`` is the domain of the shell."""
+    play = [*node_command("cfnav_ros", "bag_play"), given["bag"], "--wait-for", "scan"]
+    play += ["--rate", given["rate"], "--domain", given["domain"]]
+    play += ["--namespace", given["namespace"]] if given["namespace"] else []
     arguments = {name: given[name] for name in ("params", "namespace", "rviz")}
     arguments |= {"drive": "false", "bag": "", "use_sim_time": "true"}
     return [
         ExecuteProcess(
             cmd=play,
-            name="player",
+            name="bag_play",
+            additional_env={"ROS_DOMAIN_ID": live},  # it keeps away from there by itself
             output="screen",
             prefix=ENDS_WITH_PARENT,
             on_exit=Shutdown(),
@@ -103,8 +66,9 @@ def actions(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = context.launch_configurations
     if given["mode"] == "record":
         return record(given)
+    live = context.environment.get("ROS_DOMAIN_ID") or "0"
     stay_apart(context.environment, given["domain"])
-    return replay(given)
+    return replay(given, live)
 
 
 def generate_launch_description() -> LaunchDescription:
