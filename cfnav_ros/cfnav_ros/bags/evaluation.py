@@ -90,6 +90,7 @@ class Evaluation:
         findings: what is wrong with the sensors, and how it was treated.
         notes: what was chosen and what could not be read, a sentence each.
         damaged: whether some of it could not be read.
+        bundles: names that the replayed bundles give themselves, by that of their steps.
     """
 
     name: str
@@ -103,6 +104,7 @@ class Evaluation:
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     damaged: bool
+    bundles: Mapping[str, str] = field(default_factory=dict)
 
 
 @lru_cache(maxsize=8)
@@ -112,7 +114,10 @@ def policy_of(folder: str) -> Policy:
 
 
 def evaluate(
-    path: Path, options: Options, tick: Callable[[int], None] = lambda events: None
+    path: Path,
+    options: Options,
+    tick: Callable[[int], None] = lambda events: None,
+    name: str = "",
 ) -> Evaluation:
     """Evaluate one bag.
 
@@ -120,13 +125,15 @@ def evaluate(
         path: one of those that ``find_bags`` gives.
         options: how.
         tick: told now and then how many more events have been read.
+        name: of the bag, that of its folder or file when not given; no two bags of one report
+            may have the same.
 
     Raises:
         BundleError: a bundle cannot be used.
     """
     with Bag(path) as bag:
         roles = assign(bag.topics, options.topics)
-        work = _Work(path, roles, options)
+        work = _Work(name or path.name, roles, options)
         for count, event in enumerate(bag.events(roles, options.tilt_joint), 1):
             work.see(event)
             if count % TICK == 0:
@@ -138,17 +145,18 @@ def evaluate(
 class _Work:
     """Every part of the evaluation, shown the same events."""
 
-    def __init__(self, path: Path, roles: Roles, options: Options) -> None:
+    def __init__(self, name: str, roles: Roles, options: Options) -> None:
         self.events = 0
-        self._name, self._roles = path.name, roles
+        self._name, self._roles = name, roles
         self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
         self._health, self._book, self._film = Health(), Book(options.rows), Film()
         self._estimates = Estimates(options.lidar, options.mount_given)
         self._scanned = "scan" in roles.topics
         self._infer = not _holds(roles, "decision")
+        self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
-            {name: policy_of(folder) for name, folder in options.bundles.items()},
-            self._estimates, options.limits, infer=self._infer, bag=path.name, look=self._film.add,
+            self._policies, self._estimates, options.limits, infer=self._infer, bag=name,
+            look=self._film.add,
         )  # fmt: skip
         self._first_ns = self._last_ns = 0
         self._next = 0
@@ -188,6 +196,7 @@ class _Work:
             findings=self._health.findings(),
             notes=(*self._roles.notes, *self._book.notes, *notes),
             damaged=bool(notes),
+            bundles={key: policy.name for key, policy in self._policies.items()},
         )
 
     def _begin_rows(self, event: Event) -> None:
@@ -202,13 +211,16 @@ class _Work:
             self._replay.begin(self._running.goal, event.log_ns)
 
     def _keep(self, drives: Sequence[Drive]) -> None:
-        self._finished += [(drive, self._film.cut(drive)) for drive in drives]
+        self._finished += [(d, self._film.cut(d, self._steps_of(d))) for d in drives]
+
+    def _steps_of(self, drive: Drive) -> list[ReplayStep]:
+        return [s for s in self._replay.steps if drive.start_ns <= s.t_ns <= drive.end_ns]
 
     def _evaluated(self, drive: Drive, pictures: Mapping[int, bytes]) -> EvaluatedDrive:
         outcome, found = judge(drive), contacts_of(drive)
         source = outcome.collisions.source
         contacts = found.get(source, ()) if source else found.get(OBSERVABLE, ())
-        within = [s for s in self._replay.steps if drive.start_ns <= s.t_ns <= drive.end_ns]
+        within = self._steps_of(drive)
         steps = labelled(within, [c.t_ns for c in contacts]) if source else within
         return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures)
 
