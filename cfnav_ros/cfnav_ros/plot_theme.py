@@ -31,6 +31,9 @@ ACTION_STYLE = {
 }
 """Colour and sign of each action."""
 
+DASH, MINUS, TIMES = "\u2013", "\u2212", "\u00d7"
+"""Signs of the text that are easily mistaken for others in source."""
+
 BUNDLE_STYLE = ((SKY, "s"), (PURPLE, "^"), (GREEN, "D"), (ORANGE, "v"))
 """Colour and marker of the bundles in a picture; there are no more in one."""
 

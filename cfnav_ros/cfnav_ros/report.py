@@ -18,7 +18,7 @@ from cfnav_ros.bags.figures import Mean
 from cfnav_ros.bags.results import left_out
 from cfnav_ros.bags.scores import CollisionScores, Figure
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
-from cfnav_ros.plot_theme import ACTION_STYLE
+from cfnav_ros.plot_theme import ACTION_STYLE, DASH, MINUS
 from cfnav_ros.report_cards import CARDS, MEANING, card, in_themes, moments, with_pictures, words_of
 from cfnav_ros.score_plot import precision_recall_png, reliability_png, roc_png
 from cfnav_ros.trajectory_plot import trajectory_png
@@ -60,6 +60,7 @@ def write_report(
     html: Path,
     facts: Mapping[str, str],
     summary: Summary | None = None,
+    failed: Sequence[str] = (),
 ) -> None:
     """Write the page.
 
@@ -68,15 +69,19 @@ def write_report(
         html: file to write; its folder is made.
         facts: what else stands at the end, such as seed, commit, command.
         summary: of the same evaluations; worked out when not given.
+        failed: a sentence for each bag that could not be evaluated at all.
 
     Raises:
         WriteError: the disk is full or refuses.
     """
-    write_file(html, report_page(evaluations, facts, summary or summarise(evaluations)))
+    write_file(html, report_page(evaluations, facts, summary or summarise(evaluations), failed))
 
 
 def report_page(
-    evaluations: Sequence[Evaluation], facts: Mapping[str, str], summary: Summary
+    evaluations: Sequence[Evaluation],
+    facts: Mapping[str, str],
+    summary: Summary,
+    failed: Sequence[str] = (),
 ) -> str:
     """Return the page as text; arguments as for ``write_report``."""
     drives = [drive for _, drive in drives_in(evaluations)]
@@ -121,6 +126,7 @@ def report_page(
         moments=moments(drives),
         missing=[(bag, left_out(bag)) for bag in evaluations],
         most_findings=FINDINGS,
+        failed=failed,
         facts=facts,
         legend=[(action.name, *look) for action, look in ACTION_STYLE.items()],
     )
@@ -141,13 +147,13 @@ def write_trajectories(drives: Sequence[EvaluatedDrive], folder: Path) -> list[P
 
 def number_text(value: float | None, digits: int = 2) -> str:
     """A number for reading; a dash when it is not known."""
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+    return DASH if value is None else f"{value:.{digits}f}".replace("-", MINUS)
 
 
 def figure_text(figure: Figure, digits: int = 2) -> str:
     """A figure with its 95 % interval, or why it has none."""
     if figure.value is None:
-        return f"– ({figure.why})"
+        return f"{DASH} ({figure.why})"
     value = number_text(figure.value, digits)
     if figure.low is None or figure.high is None:
         return f"{value} ({figure.why})"

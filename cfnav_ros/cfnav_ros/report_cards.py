@@ -12,7 +12,7 @@ from cfnav_ros.bags.evaluation import EvaluatedDrive, Evaluation
 from cfnav_ros.bags.outcomes import DriveOutcome
 from cfnav_ros.bags.replay_step import ReplayStep
 from cfnav_ros.bags.scores import disagreements
-from cfnav_ros.plot_theme import ACTION_STYLE, THEMES, Theme
+from cfnav_ros.plot_theme import ACTION_STYLE, DASH, THEMES, TIMES, Theme
 from cfnav_ros.timeline_plot import timeline_png
 from cfnav_ros.trajectory_plot import course_of, trajectory_png
 
@@ -109,11 +109,11 @@ class Moment:
 def words_of(outcome: DriveOutcome) -> Words:
     """Say how a drive went."""
     count = outcome.collisions.value
-    touched = "touches unknown" if count is None else f"touched {count}×" if count else ""
+    touched = "touches unknown" if count is None else f"touched {count}{TIMES}" if count else ""
     if not outcome.success.known:
         long = f"goal not judged: {outcome.success.why}"
         colour = "red" if count else "soft"
-        return Words("– not judged", f"{long}{', ' + touched if touched else ''}", colour)
+        return Words(f"{DASH} not judged", f"{long}{', ' + touched if touched else ''}", colour)
     if not outcome.success.value:
         return Words("✗ missed", f"✗ missed{', ' + touched if touched else ''}", "bad")
     if outcome.cf_success.value:

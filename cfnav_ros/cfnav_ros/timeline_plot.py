@@ -1,4 +1,4 @@
-"""The picture of one drive over time: actions, answers of the bundles, p_hat, clearance, contacts."""
+"""The picture of one drive over time: actions, what the bundles say, p_hat, clearance, contacts."""
 
 from __future__ import annotations
 
@@ -69,9 +69,7 @@ def timeline_png(evaluated: EvaluatedDrive, bundles: Sequence[str], theme: Theme
     sources = [s for s in SOURCES if evaluated.drive.contacts.get(s)]
     rows = 1 + len(names) + len(sources)
     with mpl.rc_context({"font.size": 9}):
-        figure = Figure(
-            figsize=(5, 2.9 + 0.3 * rows), facecolor=theme.paper, layout="constrained"
-        )
+        figure = Figure(figsize=(5, 2.9 + 0.3 * rows), facecolor=theme.paper, layout="constrained")
         top, middle, bottom = figure.subplots(
             3, 1, sharex=True, gridspec_kw={"height_ratios": [0.24 * rows + 0.1, 1, 1]}
         )
@@ -98,7 +96,10 @@ def _draw_actions(
     rows = [(0, bar) for bar in bars]
     for row, name in enumerate(names, 1):
         rows += [
-            (row, Bar(_seconds(evaluated, s.t_ns), _seconds(evaluated, s.until_ns), s.action, False))
+            (
+                row,
+                Bar(_seconds(evaluated, s.t_ns), _seconds(evaluated, s.until_ns), s.action, False),
+            )
             for s in evaluated.steps
             if s.bundle == name and not s.agrees
         ]
@@ -107,7 +108,9 @@ def _draw_actions(
         colour, _ = ACTION_STYLE[bar.action]
         hatch = "////" if bar.vetoed else None
         width = max(bar.end - bar.start, 0.1)
-        axes.barh(row, width, left=bar.start, color=colour, edgecolor=theme.paper, hatch=hatch, lw=gap)
+        axes.barh(
+            row, width, left=bar.start, color=colour, edgecolor=theme.paper, hatch=hatch, lw=gap
+        )
     labels = ["driven", *(_short(name) for name in names)]
     axes.set_yticks(range(len(labels)), labels)
 

@@ -111,7 +111,7 @@ def _moved(poses: np.ndarray, frame: tuple[float, float, float]) -> np.ndarray:
     x, y, yaw = frame
     c, s = math.cos(yaw), math.sin(yaw)
     turned = poses[:, :2] @ np.array([[c, s], [-s, c]])
-    return np.column_stack([turned + (x, y), poses[:, 2] + yaw])
+    return np.column_stack([turned[:, 0] + x, turned[:, 1] + y, poses[:, 2] + yaw])
 
 
 def _contact_moved(contact: Contact, frame: tuple[float, float, float]) -> Contact:

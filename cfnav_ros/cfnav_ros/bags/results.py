@@ -17,6 +17,7 @@ interval over drives, and why something of it is null.
 ``bags``            ``name, seconds, events, damaged, topics`` (by role), ``missing``, ``notes``,
                     ``left_out`` (``bundle, reason, count``), ``rates`` (``TopicHealth``, ``rate``
                     in Hz), ``findings`` (the columns of ``health.csv``)
+``failed``          a sentence for each bag that could not be evaluated
 =================== ==============================================================================
 
 ``drives.csv``: ``bag``, ``drive`` (number within the report), ``found, start_ns, seconds, goal,
@@ -78,7 +79,10 @@ HEALTH_COLUMNS = ("bag", "topic", "kind", "start", "end", "count", "text", "trea
 
 
 def result_files(
-    evaluations: Sequence[Evaluation], summary: Summary, facts: Mapping[str, str]
+    evaluations: Sequence[Evaluation],
+    summary: Summary,
+    facts: Mapping[str, str],
+    failed: Sequence[str] = (),
 ) -> dict[str, str]:
     """Everything that is known, as the texts of files by their names.
 
@@ -86,6 +90,7 @@ def result_files(
         evaluations: of the bags.
         summary: of the same evaluations.
         facts: what else belongs to the results, such as command and commit.
+        failed: a sentence for each bag that could not be evaluated at all.
     """
     drives = [
         drive_row(number, bag.name, drive)
@@ -107,6 +112,7 @@ def result_files(
             for pair in summary.pairs
         ],
         "bags": [_bag(evaluation) for evaluation in evaluations],
+        "failed": list(failed),
     }
     return {
         METRICS: json.dumps(_plain(metrics), indent=1, allow_nan=False, ensure_ascii=False) + "\n",
