@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import matplotlib as mpl
 import numpy as np
@@ -21,6 +21,7 @@ from cfnav_ros.bags.events import OccupancyMap
 from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, Theme, png, style
 
 HULL_RADIUS_M = 0.175
+NOT_PLACED = "where it starts in the map was not recorded"
 VIEW_DEG = 90.0
 """Horizontal field of view of the camera that the policy is trained with, degrees."""
 
@@ -42,6 +43,7 @@ class Course:
         poses: float64 [N, 3]: x, y (m), yaw (rad).
         contacts: where they are known.
         room: the map in the same frame, None without.
+        points: float32 [N, 2], what the LiDAR saw around, metres; only without a map.
         words: what is drawn, for the caption; part of a sentence.
     """
 
@@ -49,15 +51,16 @@ class Course:
     contacts: tuple[Contact, ...]
     room: OccupancyMap | None
     words: str
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
 
 
 def course_of(evaluated: EvaluatedDrive) -> Course:
     """Put path, contacts and map of a drive into one frame.
 
     The simulator's truth is in the room's frame, as its map; odometry needs the transform to the
-    map that the bag recorded, and is drawn without the map where there is none.
+    map that the bag recorded, and is drawn over what the LiDAR saw where there is none.
     """
-    drive = evaluated.drive
+    drive, points = evaluated.drive, np.empty((0, 2))
     if drive.truths:
         poses = np.array([(s.x, s.y, s.yaw) for s in drive.truths])
         placed = [c for c in evaluated.contacts if c.source == TRUTH]
@@ -65,17 +68,17 @@ def course_of(evaluated: EvaluatedDrive) -> Course:
         words = "true path" + ("" if room else "; the bag holds no map")
     else:
         poses, placed = drive.path[:, 1:], list(evaluated.contacts)
-        if drive.map is None:
-            room, words = None, "path by odometry; the bag holds no map"
-        elif drive.odom_in_map is None:
-            room = None
-            words = "path by odometry; where it starts in the map was not recorded"
-        else:
+        if drive.map is not None and drive.odom_in_map is not None:
             room, words = drive.map, "path by odometry, as the robot placed it in its map"
             poses = _moved(poses, drive.odom_in_map)
             placed = [_contact_moved(c, drive.odom_in_map) for c in placed]
+        else:
+            room, points = None, evaluated.points
+            seen = "; grey: what the LiDAR saw" if len(points) else ""
+            lack = "the bag holds no map" if drive.map is None else NOT_PLACED
+            words = f"path by odometry{seen}; {lack}"
     known = tuple(c for c in placed if math.isfinite(c.x) and math.isfinite(c.y))
-    return Course(poses, known, room, words)
+    return Course(poses, known, room, words, points)
 
 
 def trajectory_png(evaluated: EvaluatedDrive, theme: Theme = LIGHT) -> bytes:
@@ -92,6 +95,7 @@ def trajectory_png(evaluated: EvaluatedDrive, theme: Theme = LIGHT) -> bytes:
         if course.room is not None and course.room.occupied.size:
             _draw_room(axes, course.room, theme)
             _show_around(axes, course)
+        axes.plot(*course.points.T, "s", color=theme.solid, ms=2.5, mew=0, zorder=1)
         _draw_path(axes, course.poses, theme)
         if len(course.poses):
             _draw_ends(axes, course.poses, bool(evaluated.outcome.success.value), theme)
@@ -102,7 +106,7 @@ def trajectory_png(evaluated: EvaluatedDrive, theme: Theme = LIGHT) -> bytes:
         axes.set_xlabel("x (m)")
         axes.set_ylabel("y (m)")
         if course.room is None:
-            axes.margins(0.3)
+            axes.margins(0.05 if len(course.points) else 0.3)
         return png(figure, bbox_inches="tight", pad_inches=0.04)
 
 

@@ -239,6 +239,12 @@ def test_a_path_by_odometry_is_drawn_in_the_map_when_the_bag_tells_where() -> No
     x, y = touching.path[-1, 1:3]
     assert moved[-1] == pytest.approx([1.0 - y, 2.0 + x, touching.path[-1, 3] + np.pi / 2])
     assert (contact.x, contact.y) == pytest.approx((1.0 - 0.2, 2.0 + 0.2))
+    wall = np.column_stack([np.linspace(0, 1, 100), np.full(100, 1.0)])
+    lost = dataclasses.replace(evaluated(touching), points=wall)
+    assert "grey: what the LiDAR saw" in course_of(lost).words
+    assert len(course_of(lost).points) == 100
+    assert share_of(trajectory_png(lost), LIGHT.solid) > 0.001
+    assert share_of(trajectory_png(evaluated(touching)), LIGHT.solid) == 0
     assert "no map" in place(evaluated(dataclasses.replace(touching, map=None)))[3]
 
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from cfnav_core.policy import Policy
 from cfnav_ros.bags.contacts import Contact
 from cfnav_ros.bags.decode import TILT_JOINT
@@ -25,6 +27,7 @@ from cfnav_ros.bags.reading import Bag
 from cfnav_ros.bags.replay import Replay
 from cfnav_ros.bags.replay_step import LeftOut, ReplayStep, labelled
 from cfnav_ros.bags.roles import Roles, assign
+from cfnav_ros.bags.scan_map import ScanMap
 from cfnav_ros.bags.topic_watch import TopicHealth
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.scan_watch import LidarParameters
@@ -65,6 +68,7 @@ class EvaluatedDrive:
         contacts: those that count: of the truth, else what a real robot can know.
         steps: answers of the bundles to its decisions, labelled.
         pictures: JPEG files of the decisions worth a picture, by the picture's stamp.
+        points: float32 [N, 2], what the LiDAR saw around, metres in the odometry frame.
     """
 
     drive: Drive
@@ -72,6 +76,7 @@ class EvaluatedDrive:
     contacts: tuple[Contact, ...]
     steps: tuple[ReplayStep, ...]
     pictures: Mapping[int, bytes]
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.float32), repr=False)
 
 
 @dataclass(frozen=True)
@@ -150,6 +155,7 @@ class _Work:
         self._name, self._roles = name, roles
         self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
         self._health, self._book, self._film = Health(), Book(options.rows), Film()
+        self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
         self._scanned = "scan" in roles.topics
         self._infer = not _holds(roles, "decision")
@@ -161,7 +167,7 @@ class _Work:
         self._first_ns = self._last_ns = 0
         self._next = 0
         self._running: EpisodeRow | None = None
-        self._finished: list[tuple[Drive, Mapping[int, bytes]]] = []
+        self._finished: list[tuple[Drive, Mapping[int, bytes], np.ndarray]] = []
 
     def see(self, event: Event) -> None:
         """Take the next event."""
@@ -177,6 +183,7 @@ class _Work:
         if self._infer:
             self._begin_rows(event)
         self._replay.see(event)
+        self._map(event)
         if not isinstance(event, LaserTurn):
             self._keep(self._book.see(event))
 
@@ -199,6 +206,12 @@ class _Work:
             bundles={key: policy.name for key, policy in self._policies.items()},
         )
 
+    def _map(self, event: Event) -> None:
+        """Keep what the LiDAR sees, for drives without a map."""
+        turn = event if isinstance(event, LaserTurn) else None
+        mount = self._estimates.mount_of(turn.scan.frame) if turn else None
+        self._scan_map.see(event, mount)
+
     def _begin_rows(self, event: Event) -> None:
         """Tell the replay of the drives of an episodes file; recorded ones tell it themselves."""
         seconds = (event.log_ns - self._first_ns) * 1e-9
@@ -211,18 +224,22 @@ class _Work:
             self._replay.begin(self._running.goal, event.log_ns)
 
     def _keep(self, drives: Sequence[Drive]) -> None:
-        self._finished += [(d, self._film.cut(d, self._steps_of(d))) for d in drives]
+        for drive in drives:
+            pictures = self._film.cut(drive, self._steps_of(drive))
+            self._finished.append((drive, pictures, self._scan_map.cut(drive)))
 
     def _steps_of(self, drive: Drive) -> list[ReplayStep]:
         return [s for s in self._replay.steps if drive.start_ns <= s.t_ns <= drive.end_ns]
 
-    def _evaluated(self, drive: Drive, pictures: Mapping[int, bytes]) -> EvaluatedDrive:
+    def _evaluated(
+        self, drive: Drive, pictures: Mapping[int, bytes], points: np.ndarray
+    ) -> EvaluatedDrive:
         outcome, found = judge(drive), contacts_of(drive)
         source = outcome.collisions.source
         contacts = found.get(source, ()) if source else found.get(OBSERVABLE, ())
         within = self._steps_of(drive)
         steps = labelled(within, [c.t_ns for c in contacts]) if source else within
-        return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures)
+        return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures, points)
 
 
 def _holds(roles: Roles, role: str) -> bool:
