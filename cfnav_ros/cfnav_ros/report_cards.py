@@ -79,6 +79,7 @@ class Card:
         words: its verdict.
         trajectory: from above; ``course`` says what it shows.
         timeline: over time.
+        remarks: facts that are missing, and why, or that need a word.
         frames: camera strip.
         no_frames: why it is empty.
     """
@@ -90,6 +91,7 @@ class Card:
     trajectory: Mapping[str, str]
     timeline: Mapping[str, str]
     course: str
+    remarks: tuple[str, ...]
     frames: Sequence[Frame]
     no_frames: str
 
@@ -147,6 +149,7 @@ def card(number: int, bag: Evaluation, evaluated: EvaluatedDrive) -> Card:
         trajectory=in_themes(lambda theme: trajectory_png(evaluated, theme)),
         timeline=in_themes(lambda theme: timeline_png(evaluated, tuple(bag.bundles), theme)),
         course=course_of(evaluated).words,
+        remarks=_remarks(evaluated.outcome),
         frames=frames,
         no_frames="" if frames else _no_frames(bag, evaluated),
     )
@@ -193,6 +196,18 @@ def _rank(outcome: DriveOutcome) -> int:
     if outcome.collisions.value:
         return 0
     return 1 if outcome.success.value is False else 2
+
+
+def _remarks(outcome: DriveOutcome) -> tuple[str, ...]:
+    """What is to be said of a drive's facts; that of its success stands in its verdict."""
+    facts = {
+        "Collisions": outcome.collisions,
+        "Path": outcome.driven_m,
+        "Shortest path": outcome.shortest_path_m,
+        "Impact speed": outcome.impact_speed if outcome.collisions.value else None,
+        "Clearance": outcome.clearance_m,
+    }
+    return tuple(f"{name}: {fact.why}." for name, fact in facts.items() if fact and fact.why)
 
 
 def _frames(evaluated: EvaluatedDrive, bundles: Sequence[str]) -> list[Frame]:

@@ -93,26 +93,32 @@ def _draw_actions(
 ) -> None:
     """The driven actions, and below them those of each bundle where it would do another."""
     bars = driven_bars(evaluated)
-    rows = [(0, bar) for bar in bars]
+    gap = 0.8 if len(bars) < MANY else 0.0
+    _draw_row(axes, 0, [bar for bar in bars if not bar.vetoed], gap, theme)
+    _draw_row(axes, 0, [bar for bar in bars if bar.vetoed], gap, theme, "////")
     for row, name in enumerate(names, 1):
-        rows += [
-            (
-                row,
-                Bar(_seconds(evaluated, s.t_ns), _seconds(evaluated, s.until_ns), s.action, False),
-            )
+        others = [
+            Bar(_seconds(evaluated, s.t_ns), _seconds(evaluated, s.until_ns), s.action, False)
             for s in evaluated.steps
             if s.bundle == name and not s.agrees
         ]
-    gap = 0.8 if len(bars) < MANY else 0.0
-    for row, bar in rows:
-        colour, _ = ACTION_STYLE[bar.action]
-        hatch = "////" if bar.vetoed else None
-        width = max(bar.end - bar.start, 0.1)
-        axes.barh(
-            row, width, left=bar.start, color=colour, edgecolor=theme.paper, hatch=hatch, lw=gap
-        )
+        _draw_row(axes, row, others, gap, theme)
     labels = ["driven", *(_short(name) for name in names)]
     axes.set_yticks(range(len(labels)), labels)
+
+
+def _draw_row(
+    axes: Axes, row: int, bars: Sequence[Bar], gap: float, theme: Theme, hatch: str | None = None
+) -> None:
+    """Bars in one row, drawn at once: a drive may have thousands."""
+    axes.broken_barh(
+        [(bar.start, max(bar.end - bar.start, 0.1)) for bar in bars],
+        (row - 0.4, 0.8),
+        facecolors=[ACTION_STYLE[bar.action][0] for bar in bars],
+        edgecolor=theme.paper,
+        lw=gap,
+        hatch=hatch,
+    )
 
 
 def _draw_sources(

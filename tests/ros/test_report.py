@@ -120,7 +120,7 @@ def test_the_page_holds_every_drive_note_and_finding(pages: dict[str, Path]) -> 
         "No clearance is taken from it.", "It does not take this goal: <Fridge>.",
         "2 decisions not answered: The bag holds no picture stamped 3.5 s. Likewise the others.",
         "No topic was found for: camera_info.", "Some of this bag could not be read",
-        "bump 2", "left out, 4 drives: it touched nothing",
+        "bump 2", "own decisions of ours", "left out, 4 drives: it touched nothing",
     ):  # fmt: skip
         assert text in re.sub(r"\s+", " ", parsed.text), text
 
@@ -131,6 +131,7 @@ def test_what_is_missing_says_why(pages: dict[str, Path]) -> None:
     assert "touches unknown" in text
     assert "the bag holds neither ground truth nor bumps nor odometry with commands" in text
     assert "No source could tell of collisions." in text
+    assert "Shortest path: no ground truth, and for the map's way no transform" in text
     assert "None of the pictures of this drive's decisions is in the bag" in text
     assert "where it starts in the map was not recorded" in text
     text = re.sub(r"\s+", " ", Page(pages["no drive"].read_text()).text)
