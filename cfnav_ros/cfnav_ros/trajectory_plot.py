@@ -90,7 +90,7 @@ def trajectory_png(evaluated: EvaluatedDrive, theme: Theme = LIGHT) -> bytes:
     """
     course = course_of(evaluated)
     with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(5, 5), facecolor=theme.paper, layout="constrained")
+        figure = Figure(figsize=(6, 6), facecolor=theme.paper)
         axes = figure.add_subplot()
         if course.room is not None and course.room.occupied.size:
             _draw_room(axes, course.room, theme)

@@ -23,7 +23,7 @@ from cfnav_ros.bags.results import (
 from cfnav_ros.bags.summary import drives_in, summarise
 
 from cfnav_core.actions import Action
-from tests.bags.bag_files import VARIANTS
+from tests.bags.bag_files import VARIANTS, S, image
 from tests.bags.bag_files import drive as recorded
 from tests.bags.evaluations import BUNDLES, answers, evaluated, evaluation, made_drive
 from tests.bags.steps import step_of
@@ -133,22 +133,29 @@ def test_what_was_left_out_for_the_same_reason_is_counted_together():
     ]
 
 
-def on_their_own_scans(messages):
-    """The messages, with each decision taken on the scan of its picture's time."""
-    return [
-        m._replace(message=dataclasses.replace(m.message, estimate_stamp=m.message.image_stamp))
-        if hasattr(m.message, "estimate_stamp")
-        else m
-        for m in messages
-    ]
+def answerable(messages):
+    """The messages with pictures large enough, decisions on the scans of their pictures' times."""
+    made = []
+    for n, m in enumerate(messages):
+        message = m.message
+        if m.type.endswith("/Image"):
+            t = message.header.stamp
+            message = image(t.sec * S + t.nanosec, n, side=160)
+        elif m.type.endswith("/PolicyDecision"):
+            message = dataclasses.replace(message, estimate_stamp=message.image_stamp)
+        made.append(m._replace(message=message))
+    return made
 
 
 def test_a_real_bag_gives_the_same_files_whatever_its_storage(tmp_path):
-    texts, messages = [], on_their_own_scans(recorded(6.0))
+    texts, messages = [], answerable(recorded(6.0))
     for name in ("mcap zstd storage", "sqlite split"):
         path = VARIANTS[name](tmp_path / name.replace(" ", "_"), messages)
         found = evaluate(path, Options(bundles={"ours": ""}), name="drive")
-        assert len(drives_in([found])) == 1
+        ((_, only),) = drives_in([found])
+        assert (found.name, found.bundles) == ("drive", {"ours": "ours"})
+        assert len(only.points) > 20
+        assert 0 < len(only.pictures) <= FRAMES + MOMENTS
         texts.append(files([found]))
     assert texts[0] == texts[1]
     (drive,) = rows(texts[0][DRIVES])
