@@ -91,44 +91,30 @@ def report_page(
         for number, (bag, drive) in enumerate(drives_in(evaluations), 1)
         if number - 1 in pictured
     ]
-    environment = Environment(
-        loader=PackageLoader("cfnav_ros"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "number": number_text,
-        "figure": figure_text,
-        "change": change_text,
-        "interval": interval_text,
-    }
-    return environment.get_template("report.html").render(
-        bags=evaluations,
-        rows=[
-            {
-                "number": number,
-                "bag": bag.name,
-                "o": drive.outcome,
-                "words": words_of(drive.outcome),
-                "pictured": number - 1 in pictured,
-            }
-            for number, (bag, drive) in enumerate(drives_in(evaluations), 1)
-        ][:ROWS],
-        drives=len(drives),
-        cards=cards,
-        most_cards=CARDS,
-        tiles=[(tile, summary.figures[tile.key]) for tile in TILES],
-        sources=_sources(summary, drives),
-        bundles=[(scores, _score_pictures(scores)) for scores in summary.bundles],
-        pairs=summary.pairs,
-        moments=moments(drives),
-        missing=[(bag, left_out(bag)) for bag in evaluations],
-        most_findings=FINDINGS,
-        failed=failed,
-        facts=facts,
-        legend=[(action.name, *look) for action, look in ACTION_STYLE.items()],
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            bags=evaluations,
+            rows=[
+                (number, bag.name, drive.outcome, words_of(drive.outcome))
+                for number, (bag, drive) in enumerate(drives_in(evaluations), 1)
+            ][:ROWS],
+            drives=len(drives),
+            pictured={place + 1 for place in pictured},
+            cards=cards,
+            most_cards=CARDS,
+            tiles=[(tile, summary.figures[tile.key]) for tile in TILES],
+            sources=_sources(summary, drives),
+            bundles=[(scores, _score_pictures(scores)) for scores in summary.bundles],
+            pairs=summary.pairs,
+            moments=moments(drives),
+            missing=[(bag, left_out(bag)) for bag in evaluations],
+            most_findings=FINDINGS,
+            failed=failed,
+            facts=facts,
+            legend=[(action.name, *look) for action, look in ACTION_STYLE.items()],
+        )
     )
 
 
@@ -164,6 +150,23 @@ def change_text(figure: Figure, digits: int = 3) -> str:
     """A difference with its sign and its interval."""
     text = figure_text(figure, digits)
     return f"+{text}" if figure.value is not None and figure.value > 0 else text
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("cfnav_ros"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number_text,
+        "figure": figure_text,
+        "change": change_text,
+        "interval": interval_text,
+    }
+    return environment
 
 
 def _sources(summary: Summary, drives: Sequence[EvaluatedDrive]) -> dict[str, str]:

@@ -161,6 +161,8 @@ def test_a_long_report_stays_light_and_says_so() -> None:
     assert "drive-22" in parsed.ids
     assert "drive-20" not in parsed.ids
     assert parsed.text.count("Sofa") > 1
+    anchors = {a.removeprefix("#") for a in parsed.addresses if a.startswith("#")}
+    assert anchors <= parsed.ids
     assert len(page) < CARDS * 300_000
 
 
