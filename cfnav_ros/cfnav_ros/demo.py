@@ -20,9 +20,11 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
-from cfnav_ros.bag_eval import evaluate_bag, figures, table
-from cfnav_ros.bag_reader import BagError, read_maps
-from cfnav_ros.outcome import Episode, Outcome, agree
+from cfnav_ros.bags.evaluation import Evaluation, Options, evaluate
+from cfnav_ros.bags.outcomes import live_outcome
+from cfnav_ros.bags.reading import BagError
+from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.outcome import Outcome, agree, figures, table
 from cfnav_ros.plan import Trial, chosen_trials, drawn_trials, parse_list
 from cfnav_ros.processes import GraphError
 from cfnav_ros.report import write_report, write_trajectories
@@ -173,11 +175,11 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
         )
         with Graph(graph_config) as graph:
             run_trials(graph, config, known, lambda _, outcome: live.append(outcome))
-        episodes = evaluate_bag(bag)
-        metrics = _metrics(config, episodes, live)
+        evaluation = evaluate(bag, _options(config))
+        metrics = _metrics(config, evaluation, live)
         metrics["wall_s"] = round(time.monotonic() - began, 1)
         if config.report:
-            _write_pages(folder.partial, bag, episodes, metrics)
+            _write_pages(folder.partial, evaluation, metrics)
         (folder.partial / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
         folder.finish()
     return metrics
@@ -236,10 +238,30 @@ def _run_one(graph: Graph, trial: Trial, max_steps: int) -> Outcome:
     return outcome
 
 
-def _metrics(
-    config: DemoConfig, episodes: Sequence[Episode], live: Sequence[Outcome]
-) -> dict[str, Any]:
-    outcomes = [episode.outcome for episode in episodes]
+def _options(config: DemoConfig) -> Options:
+    """How the bag is judged: for the page, the bundle that drove is asked once more."""
+    head = BundleHead.load(config.bundle or shipped_bundle())
+    bundles = {head.name: str(config.bundle or "")} if config.report else {}
+    return Options(bundles=bundles, limits=EpisodeLimits(veto=config.veto))
+
+
+def outcomes_of(evaluation: Evaluation) -> list[Outcome]:
+    """The outcomes of a simulated robot's episodes, by the truth that its bag holds.
+
+    Raises:
+        BagError: the bag holds no episode, or one without ground truth.
+    """
+    outcomes = [live_outcome(evaluated.drive) for evaluated in evaluation.drives]
+    if not outcomes or None in outcomes:
+        raise BagError(
+            f"{evaluation.name} does not hold every episode with its ground truth; expected "
+            f"policy/episode, policy/decision and ground_truth/state. {' '.join(evaluation.notes)}"
+        )
+    return [outcome for outcome in outcomes if outcome]
+
+
+def _metrics(config: DemoConfig, evaluation: Evaluation, live: Sequence[Outcome]) -> dict[str, Any]:
+    outcomes = outcomes_of(evaluation)
     agrees = len(outcomes) == len(live) and all(map(agree, live, outcomes))
     return {
         "episodes": [asdict(outcome) for outcome in outcomes],
@@ -247,7 +269,7 @@ def _metrics(
         "bag_agrees": agrees,
         "live": [asdict(outcome) for outcome in live],
         "seed": config.seed,
-        "bundle": episodes[0].bundle,
+        "bundle": evaluation.drives[0].drive.bundle,
         "commit": commit(),
         "command": shlex.join(["python", "-m", "cfnav_ros.demo", *sys.argv[1:]]),
         "speed": config.speed,
@@ -255,16 +277,13 @@ def _metrics(
     }
 
 
-def _write_pages(
-    folder: Path, bag: Path, episodes: Sequence[Episode], metrics: dict[str, Any]
-) -> None:
-    maps = read_maps(bag)
-    write_trajectories(episodes, maps, folder / "trajectories")
+def _write_pages(folder: Path, evaluation: Evaluation, metrics: dict[str, Any]) -> None:
+    write_trajectories(evaluation.drives, folder / "trajectories")
     facts = {
         "bag agrees with the simulator": "yes" if metrics["bag_agrees"] else "no",
         **{name: str(metrics[name]) for name in ("bundle", "seed", "commit", "command")},
     }
-    write_report(bag, episodes, maps, folder / "report.html", facts)
+    write_report([evaluation], folder / "report.html", facts)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,9 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from cfnav_ros.bag_reader import BagError, read_scans, read_yaws
+from cfnav_ros.bags.events import LaserTurn, Pose
+from cfnav_ros.bags.reading import Bag, BagError, find_bags
+from cfnav_ros.bags.roles import Roles, assign
 from cfnav_ros.lidar import SweptDisc
 from cfnav_ros.returns import Mount, Scan, beams, measured
 
@@ -84,6 +86,31 @@ def own_sectors(scans: Sequence[Scan], turn: float, mount: Mount, radius: float)
                 "return anything: the LiDAR is covered or broken, or the space is too open"
             )
     return sorted(sectors, key=lambda sector: sector.bearing)
+
+
+def read_turn(path: Path) -> tuple[list[Scan], np.ndarray, tuple[str, ...]]:
+    """Read what a bag holds of a turn.
+
+    Returns:
+        Its scans; the headings of its odometry, float64 [N], radians in [-pi, pi]; what could not
+        be read, a sentence each.
+
+    Raises:
+        BagError: there is no bag, or more than one.
+    """
+    found = find_bags([path])
+    if len(found) > 1:
+        raise BagError(f"{path} holds {len(found)} bags; expected the one of the turn")
+    scans, yaws = [], []
+    with Bag(found[0]) as bag:
+        roles = assign(bag.topics).topics
+        wanted = {role: roles[role] for role in ("scan", "odom") if role in roles}
+        for event in bag.events(Roles(wanted)):
+            if isinstance(event, LaserTurn):
+                scans.append(event.scan)
+            elif isinstance(event, Pose):
+                yaws.append(event.yaw)
+        return scans, np.array(yaws, np.float64), tuple(bag.notes)
 
 
 def parameter_lines(sectors: Sequence[Sector]) -> str:
@@ -155,8 +182,11 @@ def learn(
         radius: of the hull, metres; what returns from within is the robot.
     """
     mount = Mount(mount_x, mount_y, math.radians(mount_yaw_deg))
+    scans, yaws, notes = read_turn(bag)
+    for note in notes:
+        print(f"lidar_mask: {note}", file=sys.stderr)
     try:
-        sectors = own_sectors(read_scans(bag), turned(read_yaws(bag)), mount, radius)
+        sectors = own_sectors(scans, turned(yaws), mount, radius)
     except ValueError as error:
         raise BagError(f"{bag}: {error}") from None
     print(parameter_lines(sectors))

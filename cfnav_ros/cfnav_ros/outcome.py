@@ -1,83 +1,16 @@
-"""What happened in each episode, from the events that a bag holds.
-
-Pure: knows neither ROS nor how bags are read. Times are integer nanoseconds of node time, as
-stamped by whoever published the event, so that they can be compared exactly.
-"""
+"""The outcome of one episode: the simulator's own account of it, and that of its bag. Pure."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
-from cfnav_core.actions import Action
-from cfnav_ros.bags.contacts import Contact, Counted, TruthContacts
+from cfnav_core import metrics
 
 UNFINISHED = "unfinished"
 """Outcome of an episode whose end the bag does not hold."""
-
-
-@dataclass(frozen=True)
-class Truth:
-    """One sample of the simulator's ground truth: metres, radians, room frame."""
-
-    t_ns: int
-    x: float
-    y: float
-    yaw: float
-    collisions: int
-    goal_visible: bool
-    room: str
-    goal: str
-    shortest_path: float
-    contact_with: str = ""
-    impact_speed: float | None = None
-
-
-@dataclass(frozen=True)
-class Decision:
-    """One decision of the policy, published before it was executed."""
-
-    t_ns: int
-    image_ns: int
-    step: int
-    action: Action
-    collision_probability: float
-    detection_score: float
-    vetoed: bool = False
-
-
-@dataclass(frozen=True)
-class Status:
-    """The start or the end of an episode, as the policy published it."""
-
-    t_ns: int
-    started: bool
-    goal: str
-    bundle: str = ""
-    outcome: str = ""
-    message: str = ""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One estimate of the LiDAR collision node; clearance in metres."""
-
-    t_ns: int
-    probability: float
-    clearance: float
-
-
-@dataclass(frozen=True)
-class Events:
-    """All events of a bag, each list in the order of its stamps."""
-
-    statuses: Sequence[Status] = ()
-    decisions: Sequence[Decision] = ()
-    truths: Sequence[Truth] = ()
-    estimates: Sequence[Estimate] = ()
 
 
 @dataclass(frozen=True)
@@ -93,57 +26,6 @@ class Outcome:
     steps: int
     path_length_m: float
     shortest_path_m: float
-
-
-@dataclass(frozen=True)
-class Episode:
-    """One episode with its events and its outcome."""
-
-    goal: str
-    bundle: str
-    message: str
-    start_ns: int
-    end_ns: int
-    decisions: Sequence[Decision]
-    truths: Sequence[Truth]
-    estimates: Sequence[Estimate]
-    contacts: Sequence[Contact]
-    outcome: Outcome
-
-
-def split_episodes(events: Events) -> tuple[Episode, ...]:
-    """Pair starts with ends and compute the outcome of each episode.
-
-    Args:
-        events: everything the bag holds.
-
-    Returns:
-        The episodes in the order of their starts.
-
-    Raises:
-        ValueError: an end without a start, an episode without ground truth, or a ``done`` without
-            its decision; the sentence says which.
-    """
-    episodes = []
-    start: Status | None = None
-    for status in events.statuses:
-        if start is not None and status.started:
-            episodes.append(_episode(events, start, None, status.t_ns))
-        if status.started:
-            start = status
-            continue
-        if start is None or status.goal != start.goal:
-            raise ValueError(
-                f"the bag holds the end of an episode for {status.goal!r} but not its start; "
-                "record from before the goal is sent"
-            )
-        episodes.append(_episode(events, start, status, status.t_ns))
-        start = None
-    if start is not None:
-        truths, decisions = events.truths[-1:], events.decisions[-1:]
-        last = max([t.t_ns for t in truths] + [d.t_ns for d in decisions], default=0)
-        episodes.append(_episode(events, start, None, max(last, start.t_ns) + 1))
-    return tuple(episodes)
 
 
 def agree(live: Outcome, bag: Outcome) -> bool:
@@ -163,17 +45,35 @@ def agree(live: Outcome, bag: Outcome) -> bool:
     )
 
 
-def path_length(truths: Sequence[Truth]) -> float:
-    """Return the length of the driven path, metres, by joining successive poses."""
-    pairs = itertools.pairwise(truths)
-    return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairs)
+def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
+    """Return ``sr``, ``spl``, ``cf_sr``, ``cf_spl`` over episodes, path lengths in metres.
+
+    Source: Eq. 1 and Section V of the paper, see ``cfnav_core.metrics``.
+    """
+    results = [
+        metrics.EpisodeResult(
+            success=o.success,
+            collisions=o.collisions,
+            path_length=o.path_length_m,
+            shortest_path_length=o.shortest_path_m,
+        )
+        for o in outcomes
+    ]
+    names = ("sr", "spl", "cf_sr", "cf_spl")
+    return {name: float(getattr(metrics, name)(results)) for name in names}
 
 
-def contact_onsets(truths: Sequence[Counted]) -> tuple[Contact, ...]:
-    """Return each rise of the collision counter; the first sample is the baseline."""
-    detector = TruthContacts()
-    seen = [detector.see(sample) for sample in truths]
-    return tuple(contact for contact in seen if contact)
+def table(outcomes: Sequence[Outcome]) -> str:
+    """Return the episodes as lines of text for a terminal."""
+    head = ("room", "goal", "outcome", "reached", "touched", "steps", "m")
+    lines = ["{:<16}{:<15}{:<12}{:<9}{:<9}{:>6}{:>8}".format(*head)]
+    for o in outcomes:
+        reached = "yes" if o.success else "no"
+        lines.append(
+            f"{o.room:<16}{o.goal:<15}{o.outcome:<12}{reached:<9}{o.collisions:<9}{o.steps:>6}"
+            f"{o.path_length_m:>8.2f}"
+        )
+    return "\n".join(lines)
 
 
 class Moment(Protocol):
@@ -189,59 +89,3 @@ M = TypeVar("M", bound=Moment)
 def nearest(samples: Sequence[M], t_ns: int) -> M:
     """Return the sample nearest to a time; the first of two as near."""
     return min(samples, key=lambda sample: abs(sample.t_ns - t_ns))
-
-
-def _episode(events: Events, start: Status, end: Status | None, end_ns: int) -> Episode:
-    """Cut one episode out of the events and judge it."""
-    decisions = [d for d in events.decisions if start.t_ns <= d.t_ns <= end_ns]
-    truths = _truths_of(events.truths, start, end_ns)
-    contacts = contact_onsets(truths)
-    outcome = end.outcome if end else UNFINISHED
-    success = outcome == "done" and _goal_visible_at_done(start.goal, decisions, truths)
-    collisions = sum(c.count for c in contacts)
-    return Episode(
-        goal=start.goal,
-        bundle=start.bundle,
-        message=end.message if end else "the recording ended before the episode did",
-        start_ns=start.t_ns,
-        end_ns=end_ns,
-        decisions=decisions,
-        truths=truths,
-        estimates=[e for e in events.estimates if start.t_ns <= e.t_ns <= end_ns],
-        contacts=contacts,
-        outcome=Outcome(
-            goal=start.goal,
-            room=truths[-1].room,
-            outcome=outcome,
-            success=success,
-            collisions=collisions,
-            cf_success=success and collisions == 0,
-            steps=len(decisions),
-            path_length_m=path_length(truths),
-            shortest_path_m=truths[-1].shortest_path,
-        ),
-    )
-
-
-def _truths_of(truths: Sequence[Truth], start: Status, end_ns: int) -> list[Truth]:
-    """Return the samples of one episode; its goal tells it from a later placing of the robot."""
-    inside = [s for s in truths if start.t_ns <= s.t_ns <= end_ns and s.goal == start.goal]
-    if not inside:
-        raise ValueError(
-            f"the bag holds no ground truth for the episode {start.goal!r}; it needs the topic "
-            "ground_truth/state of the simulator"
-        )
-    return inside
-
-
-def _goal_visible_at_done(
-    goal: str, decisions: Sequence[Decision], truths: Sequence[Truth]
-) -> bool:
-    """Tell whether the goal was visible at the sample nearest to the decision ``Done``."""
-    done = [d for d in decisions if d.action is Action.Done]
-    if not done:
-        raise ValueError(
-            f"the episode {goal!r} ended as done but the bag holds no decision Done; messages of "
-            "policy/decision are missing"
-        )
-    return nearest(truths, done[-1].t_ns).goal_visible

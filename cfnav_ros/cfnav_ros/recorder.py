@@ -31,7 +31,6 @@ from rosbags.interfaces import (
 )
 
 from cfnav_ros import conversions
-from cfnav_ros.bag_reader import IMAGE
 from cfnav_ros.bag_writer import BagWriter, typestore_with
 from cfnav_ros.preflight import STAMPED, UNSTAMPED, explain_silence
 
@@ -39,6 +38,8 @@ NODE_NAME = "recorder"
 """The policy node knows by this name that a listener on ``cmd_vel`` is no robot."""
 
 CLOCK = "/clock"
+IMAGE = "oakd/rgb/preview/image_raw"
+
 DECIDE_S = 0.2
 """Real time between looks at the type of a topic that may have two."""
 

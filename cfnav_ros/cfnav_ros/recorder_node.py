@@ -15,9 +15,8 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from cfnav_ros.bag_reader import IMAGE
 from cfnav_ros.parameters import declare
-from cfnav_ros.recorder import NODE_NAME, Recorder
+from cfnav_ros.recorder import IMAGE, NODE_NAME, Recorder
 from cfnav_ros.settings import setting
 from cfnav_ros.stop_signal import StopSignal
 

@@ -1,193 +1,216 @@
-"""One self-contained HTML page about a bag: ``python -m cfnav_ros.report BAG --html FILE``.
+"""One self-contained HTML page about recorded drives.
 
 Needs no ROS and no network, neither to write the page nor to read it.
 """
 
 from __future__ import annotations
 
-import base64
-import io
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-import numpy as np
-import tyro
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from PIL import Image
 
-from cfnav_ros.bag_eval import evaluate_bag, figures
-from cfnav_ros.bag_reader import BagError, RoomMap, read_maps, read_pictures
-from cfnav_ros.outcome import Decision, Episode
-from cfnav_ros.trajectory_plot import ACTION_STYLE, THEMES, timeline_png, trajectory_png
+from cfnav_core.whole import write_file
+from cfnav_ros.bags.evaluation import EvaluatedDrive, Evaluation
+from cfnav_ros.bags.figures import Mean
+from cfnav_ros.bags.results import left_out
+from cfnav_ros.bags.scores import CollisionScores, Figure
+from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
+from cfnav_ros.plot_theme import ACTION_STYLE, DASH, MINUS
+from cfnav_ros.report_cards import CARDS, MEANING, card, in_themes, moments, with_pictures, words_of
+from cfnav_ros.score_plot import precision_recall_png, reliability_png, roc_png
+from cfnav_ros.trajectory_plot import trajectory_png
 
-FRAMES = 8
-"""Camera pictures shown of each episode."""
+FINDINGS = 40
+"""Findings shown of each bag; all of them are in ``health.csv``."""
 
-
-@dataclass(frozen=True)
-class Frame:
-    """One camera picture of the strip with the decision taken on it."""
-
-    uri: str
-    decision: Decision
-    sign: str
-    note: str
+ROWS = 500
+"""Drives shown in the table; all of them are in ``drives.csv``."""
 
 
 @dataclass(frozen=True)
-class Card:
-    """Everything the page shows of one episode; pictures as data URIs by theme."""
+class Tile:
+    """One figure of the summary: its name, its key in ``figures``, its unit, what it means."""
 
-    number: int
-    episode: Episode
-    trajectory: Mapping[str, str]
-    timeline: Mapping[str, str]
-    frames: Sequence[Frame]
-
-
-def key_decisions(episode: Episode, count: int = FRAMES) -> list[Decision]:
-    """Choose the decisions worth a picture.
-
-    First and last, those before each collision, the vetoed, the most probable collision; the rest
-    evenly spaced.
-    """
-    decisions = list(episode.decisions)
-    if len(decisions) <= count:
-        return decisions
-    chosen = {0, len(decisions) - 1}
-    for contact in episode.contacts:
-        chosen.add(max((i for i, d in enumerate(decisions) if d.t_ns <= contact.t_ns), default=0))
-    chosen.add(max(range(len(decisions)), key=lambda i: decisions[i].collision_probability))
-    chosen.update(i for i, d in enumerate(decisions) if d.vetoed)
-    last = len(decisions) - 1
-    chosen = {0, last, *sorted(chosen - {0, last})[: count - 2]}
-    gaps = (round(i) for i in np.linspace(0, last, count))
-    for index in gaps:
-        if len(chosen) < count:
-            chosen.add(index)
-    return [decisions[i] for i in sorted(chosen)]
+    name: str
+    key: str
+    unit: str
+    meaning: str
+    digits: int = 2
 
 
-def write_trajectories(
-    episodes: Sequence[Episode], maps: Sequence[RoomMap], folder: Path
-) -> list[Path]:
-    """Write one PNG of each trajectory into a folder; returns their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for number, episode in enumerate(episodes, 1):
-        name = f"{number:02d}_{episode.outcome.room.replace(':', '')}_{episode.goal}.png"
-        (folder / name).write_bytes(trajectory_png(episode, map_of(episode, maps)))
-        paths.append(folder / name)
-    return paths
+TILES = (
+    Tile("CF-SR", "cf_sr", "", "reached, nothing touched"),
+    Tile("SR", "sr", "", "reached"),
+    Tile("CF-SPL", "cf_spl", "", "CF-SR by path length"),
+    Tile("SPL", "spl", "", "SR by path length"),
+    Tile("Collisions per metre", "collisions_per_m", "", "all collisions over all metres", 3),
+    Tile("Collisions", "collisions", "", "a drive"),
+    Tile("Impact speed", "impact_speed", "m/s", "hardest touch of a drive that touched"),
+    Tile("Clearance", "clearance_m", "m", "least of a drive, straight ahead"),
+    Tile("Path", "path_length_m", "m", "a drive, by odometry"),
+    Tile("Time", "seconds", "s", "a drive", 1),
+)
 
 
 def write_report(
-    bag: Path,
-    episodes: Sequence[Episode],
-    maps: Sequence[RoomMap],
+    evaluations: Sequence[Evaluation],
     html: Path,
     facts: Mapping[str, str],
+    summary: Summary | None = None,
+    failed: Sequence[str] = (),
 ) -> None:
     """Write the page.
 
     Args:
-        bag: where the camera pictures are read from.
-        episodes: the judged episodes of the bag.
-        maps: the room maps of the bag.
-        html: file to write.
-        facts: what else stands under the title, such as seed, commit, command.
+        evaluations: of the bags, in the order of the page.
+        html: file to write; its folder is made.
+        facts: what else stands at the end, such as seed, commit, command.
+        summary: of the same evaluations; worked out when not given.
+        failed: a sentence for each bag that could not be evaluated at all.
+
+    Raises:
+        WriteError: the disk is full or refuses.
     """
-    wanted = {e.start_ns: key_decisions(e) for e in episodes}
-    stamps = {d.image_ns for chosen in wanted.values() for d in chosen}
-    pictures = read_pictures(bag, stamps)
+    write_file(html, report_page(evaluations, facts, summary or summarise(evaluations), failed))
+
+
+def report_page(
+    evaluations: Sequence[Evaluation],
+    facts: Mapping[str, str],
+    summary: Summary,
+    failed: Sequence[str] = (),
+) -> str:
+    """Return the page as text; arguments as for ``write_report``."""
+    drives = [drive for _, drive in drives_in(evaluations)]
+    pictured = with_pictures(drives)
     cards = [
-        Card(
-            number=number,
-            episode=episode,
-            trajectory={
-                name: _uri(trajectory_png(episode, map_of(episode, maps), theme), "png")
-                for name, theme in THEMES.items()
-            },
-            timeline={
-                name: _uri(timeline_png(episode, theme), "png") for name, theme in THEMES.items()
-            },
-            frames=_frames(episode, wanted[episode.start_ns], pictures),
-        )
-        for number, episode in enumerate(episodes, 1)
+        card(number, bag, drive)
+        for number, (bag, drive) in enumerate(drives_in(evaluations), 1)
+        if number - 1 in pictured
     ]
-    templates = Environment(
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            bags=evaluations,
+            rows=[
+                (number, bag.name, drive.outcome, words_of(drive.outcome))
+                for number, (bag, drive) in enumerate(drives_in(evaluations), 1)
+            ][:ROWS],
+            drives=len(drives),
+            pictured={place + 1 for place in pictured},
+            cards=cards,
+            most_cards=CARDS,
+            tiles=[(tile, summary.figures[tile.key]) for tile in TILES],
+            sources=_sources(summary, drives),
+            bundles=[(scores, _score_pictures(scores)) for scores in summary.bundles],
+            pairs=summary.pairs,
+            moments=moments(drives),
+            missing=[(bag, left_out(bag)) for bag in evaluations],
+            most_findings=FINDINGS,
+            failed=failed,
+            facts=facts,
+            legend=[(action.name, *look) for action, look in ACTION_STYLE.items()],
+        )
+    )
+
+
+def write_trajectories(drives: Sequence[EvaluatedDrive], folder: Path) -> list[Path]:
+    """Write one PNG of each drive from above into a folder; returns their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for number, evaluated in enumerate(drives, 1):
+        outcome = evaluated.outcome
+        words = (f"{number:02d}", outcome.room.replace(":", ""), outcome.goal)
+        name = "_".join(filter(None, words)).replace("/", "-")
+        (folder / f"{name}.png").write_bytes(trajectory_png(evaluated))
+        paths.append(folder / f"{name}.png")
+    return paths
+
+
+def number_text(value: float | None, digits: int = 2) -> str:
+    """A number for reading; a dash when it is not known."""
+    return DASH if value is None else f"{value:.{digits}f}".replace("-", MINUS)
+
+
+def figure_text(figure: Figure, digits: int = 2) -> str:
+    """A figure with its 95 % interval, or why it has none."""
+    if figure.value is None:
+        return f"{DASH} ({figure.why})"
+    value = number_text(figure.value, digits)
+    if figure.low is None or figure.high is None:
+        return f"{value} ({figure.why})"
+    return f"{value} ({number_text(figure.low, digits)} to {number_text(figure.high, digits)})"
+
+
+def change_text(figure: Figure, digits: int = 3) -> str:
+    """A difference with its sign and its interval."""
+    text = figure_text(figure, digits)
+    return f"+{text}" if figure.value is not None and figure.value > 0 else text
+
+
+def _environment() -> Environment:
+    environment = Environment(
         loader=PackageLoader("cfnav_ros"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = templates.get_template("report.html").render(
-        cards=cards,
-        figures=figures([e.outcome for e in episodes]),
-        facts=facts,
-        legend=[(a.name, *style) for a, style in ACTION_STYLE.items()],
-    )
-    html.write_text(page, encoding="utf-8")
-
-
-def map_of(episode: Episode, maps: Sequence[RoomMap]) -> RoomMap | None:
-    """Return the map that was valid when the episode started, or None when the bag holds none."""
-    before = [m for m in maps if m.t_ns <= episode.start_ns]
-    return before[-1] if before else None
-
-
-def _frames(
-    episode: Episode, chosen: Sequence[Decision], pictures: Mapping[int, np.ndarray]
-) -> list[Frame]:
-    frames = []
-    following = [*episode.decisions[1:], None]
-    until = {
-        d.step: n.t_ns if n else episode.end_ns
-        for d, n in zip(episode.decisions, following, strict=True)
+    environment.filters |= {
+        "number": number_text,
+        "figure": figure_text,
+        "change": change_text,
+        "interval": interval_text,
     }
-    for decision in chosen:
-        if decision.image_ns not in pictures:
-            continue
-        touched = any(decision.t_ns <= c.t_ns < until[decision.step] for c in episode.contacts)
-        note = "touched" if touched else "vetoed" if decision.vetoed else ""
-        sign = ACTION_STYLE[decision.action][1]
-        frames.append(Frame(_jpeg(pictures[decision.image_ns]), decision, sign, note))
-    return frames
+    return environment
 
 
-def _jpeg(rgb: np.ndarray) -> str:
-    buffer = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(rgb)).save(buffer, format="JPEG", quality=80)
-    return _uri(buffer.getvalue(), "jpeg")
+def _sources(summary: Summary, drives: Sequence[EvaluatedDrive]) -> dict[str, str]:
+    """The words for sources that are used on the page, with their meaning."""
+    used = {
+        word for mean in summary.figures.values() for source in mean.sources
+        for word in source.split(", ")
+    }  # fmt: skip
+    used |= {source for drive in drives for source in drive.outcome.collisions_by}
+    return {word: meaning for word, meaning in MEANING.items() if word in used}
 
 
-def _uri(data: bytes, kind: str) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+def _score_pictures(scores: BundleScores) -> list[dict[str, Any]]:
+    """Reliability diagram, ROC, precision and recall of one bundle, with captions."""
+    lidar, rgb = scores.lidar, scores.rgb
+    if not (lidar.moves or rgb.moves):
+        return []
+    pictures = [
+        {
+            "uris": in_themes(lambda theme: reliability_png(lidar, rgb, theme)),
+            "text": "Reliability: on the dotted line p̂ is right; larger marks hold more moves",
+        }
+    ]
+    if _both_happened(lidar) or _both_happened(rgb):
+        pictures += [
+            {
+                "uris": in_themes(lambda theme: roc_png(lidar, rgb, theme)),
+                "text": "ROC: alarms that came true over false ones; dotted: chance",
+            },
+            {
+                "uris": in_themes(lambda theme: precision_recall_png(lidar, rgb, theme)),
+                "text": "Precision over recall; dotted: share of moves that collided",
+            },
+        ]
+    return pictures
 
 
-def report(bag: Annotated[Path, tyro.conf.Positional], html: Path = Path("report.html")) -> None:
-    """Write one self-contained HTML page about a recorded bag.
-
-    Args:
-        bag: folder of the bag, or its .mcap file.
-        html: the file to write.
-    """
-    write_report(bag, evaluate_bag(bag), read_maps(bag), html, {"bag": bag.name})
-    print(html)
+def _both_happened(scores: CollisionScores) -> bool:
+    return 0 < scores.collisions < scores.moves
 
 
-def main() -> None:
-    """Run the command line; a bag that cannot be judged ends it with one sentence and code 2."""
-    try:
-        tyro.cli(report, prog="report")
-    except BagError as error:
-        print(f"report: {error}", file=sys.stderr)
-        sys.exit(2)
-
-
-if __name__ == "__main__":
-    main()
+def interval_text(mean: Mean, digits: int = 2) -> str:
+    """The 95 % interval of a figure over drives, or why it has none."""
+    if mean.interval is None:
+        return "no interval: it needs at least two drives"
+    low, high = (number_text(bound, digits) for bound in mean.interval)
+    return f"95 %: {low} to {high}"

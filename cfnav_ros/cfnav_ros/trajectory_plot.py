@@ -1,16 +1,10 @@
-"""Pictures of one episode: the room from above with the driven path, and a timeline.
-
-Colours are those of Okabe and Ito, told apart by colour-blind readers; every colour is doubled by
-a shape, a number or a letter. Each picture comes in a light and a dark theme.
-"""
+"""The picture of one drive from above: the recorded map, the driven path, the contacts."""
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import matplotlib as mpl
 import numpy as np
@@ -20,133 +14,168 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 
-from cfnav_core.actions import Action
 from cfnav_core.visibility import VISIBLE_DISTANCE_M
-from cfnav_ros.bag_reader import RoomMap
-from cfnav_ros.outcome import Contact, Episode
+from cfnav_ros.bags.contacts import TRUTH, Contact
+from cfnav_ros.bags.evaluation import EvaluatedDrive
+from cfnav_ros.bags.events import OccupancyMap
+from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, Theme, png, style
 
 HULL_RADIUS_M = 0.175
+NOT_PLACED = "where it starts in the map was not recorded"
 VIEW_DEG = 90.0
-"""Horizontal field of view of the camera, degrees."""
+"""Horizontal field of view of the camera that the policy is trained with, degrees."""
 
-ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
-    "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
+MOST_CELLS = 1000
+"""Of a map's longer side in the picture; finer ones are drawn coarser, walls kept."""
 
-ACTION_STYLE = {
-    Action.MoveAhead: (BLUE, "↑"),
-    Action.RotateLeft: (SKY, "↺"),
-    Action.RotateRight: (ORANGE, "↻"),
-    Action.LookUp: (YELLOW, "△"),
-    Action.LookDown: (PURPLE, "▽"),
-    Action.Done: (GREEN, "■"),
-}
-"""Colour and sign of each action."""
+ROOM_M, AROUND_M = 12.0, 2.5
+"""A larger map is shown so far around the path; a smaller one whole."""
 
 _SAME_PLACE_M = 0.25
 """Marks of contacts nearer than this would cover each other."""
 
 
 @dataclass(frozen=True)
-class Theme:
-    """Colours that depend on the background."""
+class Course:
+    """What is drawn of a drive, all in one frame.
 
-    paper: str
-    ink: str
-    floor: str
-    solid: str
-    early: str
-    late: str
-    red: str
+    Attributes:
+        poses: float64 [N, 3]: x, y (m), yaw (rad).
+        contacts: where they are known.
+        room: the map in the same frame, None without.
+        points: float32 [N, 2], what the LiDAR saw around, metres; only without a map.
+        words: what is drawn, for the caption; part of a sentence.
+    """
+
+    poses: np.ndarray
+    contacts: tuple[Contact, ...]
+    room: OccupancyMap | None
+    words: str
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
 
 
-LIGHT = Theme("#ffffff", "#22262b", "#f1efe9", "#8a8f98", "#b9dcf5", "#08306b", "#c62828")
-DARK = Theme("#1b1e23", "#e4e6ea", "#2b2f36", "#717783", "#e8f4fd", "#2b8bd6", "#ff6b5e")
-THEMES = {"light": LIGHT, "dark": DARK}
+def course_of(evaluated: EvaluatedDrive) -> Course:
+    """Put path, contacts and map of a drive into one frame.
+
+    The simulator's truth is in the room's frame, as its map; odometry needs the transform to the
+    map that the bag recorded, and is drawn over what the LiDAR saw where there is none.
+    """
+    drive, points = evaluated.drive, np.empty((0, 2))
+    if drive.truths:
+        poses = np.array([(s.x, s.y, s.yaw) for s in drive.truths])
+        placed = [c for c in evaluated.contacts if c.source == TRUTH]
+        room = drive.map
+        words = "true path" + ("" if room else "; the bag holds no map")
+    else:
+        poses, placed = drive.path[:, 1:], list(evaluated.contacts)
+        if drive.map is not None and drive.odom_in_map is not None:
+            room, words = drive.map, "path by odometry, as the robot placed it in its map"
+            poses = _moved(poses, drive.odom_in_map)
+            placed = [_contact_moved(c, drive.odom_in_map) for c in placed]
+        else:
+            room, points = None, evaluated.points
+            seen = "; grey: what the LiDAR saw" if len(points) else ""
+            lack = "the bag holds no map" if drive.map is None else NOT_PLACED
+            words = f"path by odometry{seen}; {lack}"
+    known = tuple(c for c in placed if math.isfinite(c.x) and math.isfinite(c.y))
+    return Course(poses, known, room, words, points)
 
 
-def trajectory_png(episode: Episode, room: RoomMap | None, theme: Theme = LIGHT) -> bytes:
-    """Draw the room from above with start, path, collisions and the last pose.
+def trajectory_png(evaluated: EvaluatedDrive, theme: Theme = LIGHT) -> bytes:
+    """Draw the room from above with start, path, contacts and the last pose; returns a PNG file.
 
     Args:
-        episode: the episode; its truths give the path.
-        room: occupancy of the room; without it only the path is drawn.
+        evaluated: the drive; one without any pose gives an empty picture.
         theme: light or dark.
-
-    Returns:
-        A PNG file.
     """
+    course = course_of(evaluated)
     with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(5, 5), facecolor=theme.paper, layout="constrained")
+        figure = Figure(figsize=(6, 6), facecolor=theme.paper)
         axes = figure.add_subplot()
-        if room is not None:
-            _draw_room(axes, room, theme)
-        _draw_path(axes, episode, theme)
-        _draw_ends(axes, episode, theme)
-        for contact in _merged(episode.contacts):
+        if course.room is not None and course.room.occupied.size:
+            _draw_room(axes, course.room, theme)
+            _show_around(axes, course)
+        axes.plot(*course.points.T, "s", color=theme.solid, ms=2.5, mew=0, zorder=1)
+        _draw_path(axes, course.poses, theme)
+        if len(course.poses):
+            _draw_ends(axes, course.poses, bool(evaluated.outcome.success.value), theme)
+        for contact in _merged(course.contacts):
             _draw_contact(axes, contact, theme)
-        _style(axes, theme)
+        style(axes, theme)
         axes.set_aspect("equal")
         axes.set_xlabel("x (m)")
         axes.set_ylabel("y (m)")
-        if room is None:
-            axes.margins(0.3)
-        return _png(figure, bbox_inches="tight", pad_inches=0.04)
+        if course.room is None:
+            axes.margins(0.05 if len(course.points) else 0.3)
+        return png(figure, bbox_inches="tight", pad_inches=0.04)
 
 
-def timeline_png(episode: Episode, theme: Theme = LIGHT) -> bytes:
-    """Draw actions, collision probability and clearance over the episode; returns a PNG file."""
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(5, 3.6), facecolor=theme.paper, layout="constrained")
-        top, middle, bottom = figure.subplots(
-            3, 1, sharex=True, gridspec_kw={"height_ratios": [0.5, 1, 1]}
-        )
-        _draw_actions(top, episode, theme)
-        _draw_probability(middle, episode, theme)
-        _draw_clearance(bottom, episode, theme)
-        for axes in (top, middle, bottom):
-            _style(axes, theme)
-            for contact in episode.contacts:
-                axes.axvline(_seconds(episode, contact.t_ns), color=theme.red, linewidth=1.5)
-        bottom.set_xlabel("time (s); red line: collision" if episode.contacts else "time (s)")
-        return _png(figure)
+def _moved(poses: np.ndarray, frame: tuple[float, float, float]) -> np.ndarray:
+    """Poses [N, 3] of a frame whose own pose is given, in the frame of that pose."""
+    x, y, yaw = frame
+    c, s = math.cos(yaw), math.sin(yaw)
+    turned = poses[:, :2] @ np.array([[c, s], [-s, c]])
+    return np.column_stack([turned[:, 0] + x, turned[:, 1] + y, poses[:, 2] + yaw])
 
 
-def _draw_room(axes: Axes, room: RoomMap, theme: Theme) -> None:
+def _contact_moved(contact: Contact, frame: tuple[float, float, float]) -> Contact:
+    ((x, y, _),) = _moved(np.array([[contact.x, contact.y, 0.0]]), frame)
+    return Contact(contact.t_ns, float(x), float(y), contact.contact_with, contact.count)
+
+
+def _draw_room(axes: Axes, room: OccupancyMap, theme: Theme) -> None:
+    every = math.ceil(max(room.occupied.shape) / MOST_CELLS)
     height, width = room.occupied.shape
-    (x, y), size = room.origin, room.resolution
+    tall, wide = -(-height // every), -(-width // every)
+    cells = np.zeros((tall * every, wide * every), bool)
+    cells[:height, :width] = room.occupied
+    coarse = cells.reshape(tall, every, wide, every).any((1, 3))
+    (x, y), size = room.origin, room.resolution * every
     axes.imshow(
-        room.occupied,
+        coarse,
         cmap=ListedColormap([theme.floor, theme.solid]),
         vmin=0,
         vmax=1,
         origin="lower",
-        extent=(x, x + width * size, y, y + height * size),
+        extent=(x, x + wide * size, y, y + tall * size),
         interpolation="nearest",
     )
-    axes.set_xlim(x, x + width * size)
-    axes.set_ylim(y, y + height * size)
 
 
-def _draw_path(axes: Axes, episode: Episode, theme: Theme) -> None:
-    points = np.array([(s.x, s.y) for s in episode.truths])
-    if len(points) < 2:
+def _show_around(axes: Axes, course: Course) -> None:
+    """Show the map, of a large one what lies around the path."""
+    room = course.room
+    assert room is not None
+    extent = np.array(room.occupied.shape[::-1]) * room.resolution
+    low, high = np.array(room.origin), np.array(room.origin) + extent
+    if len(course.poses):
+        first, last = course.poses[:, :2].min(0), course.poses[:, :2].max(0)
+        if extent.max() > ROOM_M:
+            low, high = np.maximum(low, first - AROUND_M), np.minimum(high, last + AROUND_M)
+        # A path that leaves its map is shown whole all the same.
+        low, high = np.minimum(low, first - HULL_RADIUS_M), np.maximum(high, last + HULL_RADIUS_M)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+
+
+def _draw_path(axes: Axes, poses: np.ndarray, theme: Theme) -> None:
+    if len(poses) < 2:
         return
-    segments = list(np.stack([points[:-1], points[1:]], axis=1))
+    segments = list(np.stack([poses[:-1, :2], poses[1:, :2]], axis=1))
     colours = LinearSegmentedColormap.from_list("time", [theme.early, theme.late])
     lines = LineCollection(segments, cmap=colours, linewidths=3, capstyle="round", zorder=3)
     lines.set_array(np.linspace(0, 1, len(segments)))
     axes.add_collection(lines)
 
 
-def _draw_ends(axes: Axes, episode: Episode, theme: Theme) -> None:
+def _draw_ends(axes: Axes, poses: np.ndarray, success: bool, theme: Theme) -> None:
     """Mark the start with an S, the last pose with hull, heading and viewing cone."""
-    first, last = episode.truths[0], episode.truths[-1]
-    colour = GREEN if episode.outcome.success else ORANGE
-    cone = math.degrees(last.yaw)
+    (x0, y0, _), (x, y, yaw) = poses[0], poses[-1]
+    colour = GREEN if success else ORANGE
+    cone = math.degrees(yaw)
     axes.add_patch(
         Wedge(
-            (last.x, last.y),
+            (x, y),
             VISIBLE_DISTANCE_M,
             cone - VIEW_DEG / 2,
             cone + VIEW_DEG / 2,
@@ -155,15 +184,11 @@ def _draw_ends(axes: Axes, episode: Episode, theme: Theme) -> None:
             zorder=2,
         )
     )
-    axes.add_patch(
-        Circle((first.x, first.y), HULL_RADIUS_M, fill=False, color=theme.ink, lw=1.5, zorder=4)
-    )
-    axes.text(
-        first.x, first.y, "S", color=theme.ink, ha="center", va="center", weight="bold", zorder=5
-    )
-    axes.add_patch(Circle((last.x, last.y), HULL_RADIUS_M, color=colour, zorder=4))
-    tip = HULL_RADIUS_M * np.array([math.cos(last.yaw), math.sin(last.yaw)])
-    axes.plot([last.x, last.x + tip[0]], [last.y, last.y + tip[1]], color="black", lw=2, zorder=5)
+    axes.add_patch(Circle((x0, y0), HULL_RADIUS_M, fill=False, color=theme.ink, lw=1.5, zorder=4))
+    axes.text(x0, y0, "S", color=theme.ink, ha="center", va="center", weight="bold", zorder=5)
+    axes.add_patch(Circle((x, y), HULL_RADIUS_M, color=colour, zorder=4))
+    tip = HULL_RADIUS_M * np.array([math.cos(yaw), math.sin(yaw)])
+    axes.plot([x, x + tip[0]], [y, y + tip[1]], color="black", lw=2, zorder=5)
 
 
 def _draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
@@ -195,54 +220,3 @@ def _merged(contacts: Sequence[Contact]) -> list[Contact]:
         else:
             places.append(contact)
     return places
-
-
-def _draw_actions(axes: Axes, episode: Episode, theme: Theme) -> None:
-    starts = [_seconds(episode, d.t_ns) for d in episode.decisions]
-    ends = [*starts[1:], _seconds(episode, episode.end_ns)]
-    gap = 0.8 if len(starts) < 60 else 0.0  # between many bars, gaps would hide the bars
-    for decision, start, end in zip(episode.decisions, starts, ends, strict=False):
-        colour, _ = ACTION_STYLE[decision.action]
-        hatch = "////" if decision.vetoed else None
-        width = max(end - start, 0.1)
-        axes.barh(0, width, left=start, color=colour, edgecolor=theme.paper, hatch=hatch, lw=gap)
-    axes.set_yticks([])
-    axes.set_ylabel("action")
-
-
-def _draw_probability(axes: Axes, episode: Episode, theme: Theme) -> None:
-    times = [_seconds(episode, e.t_ns) for e in episode.estimates]
-    axes.plot(times, [e.probability for e in episode.estimates], color=VERMILION, lw=1)
-    asked = [_seconds(episode, d.t_ns) for d in episode.decisions]
-    given = [d.collision_probability for d in episode.decisions]
-    axes.plot(asked, given, "o", color=theme.ink, markersize=2.5)
-    axes.set_ylim(-0.05, 1.05)
-    axes.set_ylabel("p̂")
-
-
-def _draw_clearance(axes: Axes, episode: Episode, theme: Theme) -> None:
-    times = [_seconds(episode, e.t_ns) for e in episode.estimates]
-    axes.plot(times, [e.clearance for e in episode.estimates], color=BLUE, lw=1)
-    axes.axhline(0.25, color=theme.ink, lw=0.8, ls=":")
-    axes.set_ylim(bottom=0)
-    axes.set_ylabel("clearance (m)")
-
-
-def _seconds(episode: Episode, t_ns: int) -> float:
-    return (t_ns - episode.start_ns) * 1e-9
-
-
-def _style(axes: Axes, theme: Theme) -> None:
-    axes.set_facecolor(theme.paper)
-    axes.tick_params(colors=theme.ink, labelsize=8)
-    axes.xaxis.label.set_color(theme.ink)
-    axes.yaxis.label.set_color(theme.ink)
-    for side, spine in axes.spines.items():
-        spine.set_visible(side in ("left", "bottom"))
-        spine.set_color(theme.ink)
-
-
-def _png(figure: Figure, **options: Any) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=150, facecolor=figure.get_facecolor(), **options)
-    return buffer.getvalue()

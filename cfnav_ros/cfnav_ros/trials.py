@@ -13,9 +13,8 @@ from typing import Any
 
 import tyro
 
-from cfnav_ros.bag_eval import figures
 from cfnav_ros.demo import DemoConfig, commit, known_goals, run_to_exit, run_trials
-from cfnav_ros.outcome import Outcome
+from cfnav_ros.outcome import Outcome, figures
 from cfnav_ros.plan import Trial, parse_list
 
 TEST_ROOMS = ",".join(

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import random
+from itertools import pairwise
 
 import pytest
 from cfnav_ros.bags.clocks import Clocks
@@ -255,22 +256,22 @@ def scene(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_truth_is_judged_as_the_live_account_is(seed):
-    events, _ = scene(seed)
+    events, ending = scene(seed)
     (drive_,), _ = drives_of(events)
-    old = outcome.Events(
-        statuses=[outcome.Status(e.t_ns, e.started, e.goal, e.bundle, e.outcome)
-                  for e in events if hasattr(e, "started")],
-        decisions=[e for e in events if hasattr(e, "step")],
-        truths=[e for e in events if isinstance(e, Truth)],
-    )  # fmt: skip
-    (episode,) = outcome.split_episodes(old)
+    truths = [e for e in events if isinstance(e, Truth) and ns(101.2) <= e.t_ns <= ns(130)]
+    done = next(e.t_ns for e in events if getattr(e, "action", None) is Action.Done)
+    seen = min(truths, key=lambda sample: abs(sample.t_ns - done)).goal_visible
+    hits = truths[-1].collisions - truths[0].collisions
     live = live_outcome(drive_)
     assert live is not None
-    assert len(drive_.truths) < len(episode.truths)
-    assert live.path_length_m == pytest.approx(episode.outcome.path_length_m)
-    same = dataclasses.replace(live, path_length_m=episode.outcome.path_length_m)
-    assert same == episode.outcome
-    assert drive_.contacts[TRUTH] == tuple(episode.contacts)
+    assert len(drive_.truths) < len(truths)
+    assert live.path_length_m == pytest.approx(truths[-1].x - truths[0].x)
+    success = ending == "done" and seen
+    assert dataclasses.replace(live, path_length_m=0.0) == outcome.Outcome(
+        "Mug", "kitchen:25", ending, success, hits, success and not hits, 21, 0.0, 2.0
+    )
+    rises = [b.t_ns for a, b in pairwise(truths) if b.collisions > a.collisions]
+    assert [c.t_ns for c in drive_.contacts[TRUTH]] == rises
 
 
 def test_the_path_is_thinned_but_its_length_is_not():

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cfnav_ros.bags.events import Event, Picture, Pose
-from cfnav_ros.bags.reading import SORTED_NS, Bag, BagError, find_bags
+from cfnav_ros.bags.reading import SORTED_NS, Bag, BagError, find_bags, unique_names
 from cfnav_ros.bags.roles import ROLES, assign
 from cfnav_ros.bags.storage import MAX_MESSAGE
 
@@ -467,3 +467,9 @@ def test_a_damaged_database_gives_no_invented_message(tmp_path, expected, whole,
     if len(events) != len(expected):
         assert notes
     assert all(note.endswith(".") and "\n" not in note for note in notes)
+
+
+def test_bags_of_one_name_are_told_apart_by_their_folders() -> None:
+    paths = [Path(p) for p in ("/a/x/bag", "/a/y/bag", "/b/y/bag", "/a/other", "/bag")]
+    assert unique_names(paths) == ["x/bag", "a/y/bag", "b/y/bag", "other", "/bag"]
+    assert unique_names([Path("out/demo/bag")]) == ["bag"]

@@ -17,8 +17,8 @@ pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-from cfnav_ros.bag_eval import evaluate_bag  # noqa: E402
-from cfnav_ros.bag_reader import read_events, read_pictures  # noqa: E402
+from cfnav_ros.bags.evaluation import Options, evaluate  # noqa: E402
+from cfnav_ros.bags.outcomes import live_outcome  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
 from rclpy.context import Context  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
@@ -100,12 +100,16 @@ def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
     assert sum(e["collisions"] for e in metrics["episodes"]) > 0
     assert set(metrics) >= {"sr", "spl", "cf_sr", "cf_spl", "seed", "commit", "command"}
     assert metrics["bundle"] == "eager"
-    assert [asdict(e.outcome) for e in evaluate_bag(out / "bag")] == metrics["episodes"]
+    evaluation = evaluate(out / "bag", Options())
+    assert (evaluation.damaged, evaluation.missing) == (False, ())
+    judged = [live_outcome(drive.drive) for drive in evaluation.drives]
+    assert [asdict(outcome) for outcome in judged if outcome] == metrics["episodes"]
     assert len(list((out / "trajectories").glob("*.png"))) == 3
-    assert (out / "report.html").read_text().count("data:image/jpeg") >= 3
-    stamps = {d.image_ns for d in read_events(out / "bag").decisions}
-    # On a busy machine the transport may lose a few.
-    assert len(read_pictures(out / "bag", stamps)) > 0.7 * len(stamps)
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/jpeg") >= 3
+    assert "eager: the same" in page
+    # On a busy machine the transport may lose a few pictures.
+    assert sum(len(drive.pictures) for drive in evaluation.drives) > 0.7 * 3 * 7
 
 
 def test_interrupt_stops_the_robot_ends_every_process_and_leaves_no_results(

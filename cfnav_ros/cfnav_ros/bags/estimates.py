@@ -16,6 +16,7 @@ import numpy as np
 from cfnav_ros.bags.events import Event, Frames, Judged, LaserTurn, Tick
 from cfnav_ros.lidar import Estimate, Verdict
 from cfnav_ros.mounting import Mounting
+from cfnav_ros.returns import Mount
 from cfnav_ros.scan_watch import LidarParameters, ScanWatch
 
 TOPIC = "collision/estimate"
@@ -94,6 +95,10 @@ class Estimates:
             stamp_ns = event.t_ns if timely else now_ns
             found.append(self._publish(now_ns, stamp_ns, estimate, timely))
         return found
+
+    def mount_of(self, frame: str) -> Mount | None:
+        """The mounting that is believed of the scanner in a frame, None while none is."""
+        return self._mounting.choose(frame)[0]
 
     def made_from(self, stamp_ns: int) -> Judged | None:
         """The estimate made from the scan with a stamp; None when none of late has it."""

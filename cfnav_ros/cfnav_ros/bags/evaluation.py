@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from cfnav_core.policy import Policy
 from cfnav_ros.bags.contacts import Contact
 from cfnav_ros.bags.decode import TILT_JOINT
@@ -25,6 +27,7 @@ from cfnav_ros.bags.reading import Bag
 from cfnav_ros.bags.replay import Replay
 from cfnav_ros.bags.replay_step import LeftOut, ReplayStep, labelled
 from cfnav_ros.bags.roles import Roles, assign
+from cfnav_ros.bags.scan_map import ScanMap
 from cfnav_ros.bags.topic_watch import TopicHealth
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.scan_watch import LidarParameters
@@ -65,6 +68,7 @@ class EvaluatedDrive:
         contacts: those that count: of the truth, else what a real robot can know.
         steps: answers of the bundles to its decisions, labelled.
         pictures: JPEG files of the decisions worth a picture, by the picture's stamp.
+        points: float32 [N, 2], what the LiDAR saw around, metres in the odometry frame.
     """
 
     drive: Drive
@@ -72,6 +76,7 @@ class EvaluatedDrive:
     contacts: tuple[Contact, ...]
     steps: tuple[ReplayStep, ...]
     pictures: Mapping[int, bytes]
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.float32), repr=False)
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,7 @@ class Evaluation:
         findings: what is wrong with the sensors, and how it was treated.
         notes: what was chosen and what could not be read, a sentence each.
         damaged: whether some of it could not be read.
+        bundles: names that the replayed bundles give themselves, by that of their steps.
     """
 
     name: str
@@ -103,6 +109,7 @@ class Evaluation:
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     damaged: bool
+    bundles: Mapping[str, str] = field(default_factory=dict)
 
 
 @lru_cache(maxsize=8)
@@ -112,7 +119,10 @@ def policy_of(folder: str) -> Policy:
 
 
 def evaluate(
-    path: Path, options: Options, tick: Callable[[int], None] = lambda events: None
+    path: Path,
+    options: Options,
+    tick: Callable[[int], None] = lambda events: None,
+    name: str = "",
 ) -> Evaluation:
     """Evaluate one bag.
 
@@ -120,13 +130,15 @@ def evaluate(
         path: one of those that ``find_bags`` gives.
         options: how.
         tick: told now and then how many more events have been read.
+        name: of the bag, that of its folder or file when not given; no two bags of one report
+            may have the same.
 
     Raises:
         BundleError: a bundle cannot be used.
     """
     with Bag(path) as bag:
         roles = assign(bag.topics, options.topics)
-        work = _Work(path, roles, options)
+        work = _Work(name or path.name, roles, options)
         for count, event in enumerate(bag.events(roles, options.tilt_joint), 1):
             work.see(event)
             if count % TICK == 0:
@@ -138,22 +150,24 @@ def evaluate(
 class _Work:
     """Every part of the evaluation, shown the same events."""
 
-    def __init__(self, path: Path, roles: Roles, options: Options) -> None:
+    def __init__(self, name: str, roles: Roles, options: Options) -> None:
         self.events = 0
-        self._name, self._roles = path.name, roles
+        self._name, self._roles = name, roles
         self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
         self._health, self._book, self._film = Health(), Book(options.rows), Film()
+        self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
         self._scanned = "scan" in roles.topics
         self._infer = not _holds(roles, "decision")
+        self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
-            {name: policy_of(folder) for name, folder in options.bundles.items()},
-            self._estimates, options.limits, infer=self._infer, bag=path.name, look=self._film.add,
+            self._policies, self._estimates, options.limits, infer=self._infer, bag=name,
+            look=self._film.add,
         )  # fmt: skip
         self._first_ns = self._last_ns = 0
         self._next = 0
         self._running: EpisodeRow | None = None
-        self._finished: list[tuple[Drive, Mapping[int, bytes]]] = []
+        self._finished: list[tuple[Drive, Mapping[int, bytes], np.ndarray]] = []
 
     def see(self, event: Event) -> None:
         """Take the next event."""
@@ -169,6 +183,7 @@ class _Work:
         if self._infer:
             self._begin_rows(event)
         self._replay.see(event)
+        self._map(event)
         if not isinstance(event, LaserTurn):
             self._keep(self._book.see(event))
 
@@ -188,7 +203,14 @@ class _Work:
             findings=self._health.findings(),
             notes=(*self._roles.notes, *self._book.notes, *notes),
             damaged=bool(notes),
+            bundles={key: policy.name for key, policy in self._policies.items()},
         )
+
+    def _map(self, event: Event) -> None:
+        """Keep what the LiDAR sees, for drives without a map."""
+        turn = event if isinstance(event, LaserTurn) else None
+        mount = self._estimates.mount_of(turn.scan.frame) if turn else None
+        self._scan_map.see(event, mount)
 
     def _begin_rows(self, event: Event) -> None:
         """Tell the replay of the drives of an episodes file; recorded ones tell it themselves."""
@@ -202,15 +224,22 @@ class _Work:
             self._replay.begin(self._running.goal, event.log_ns)
 
     def _keep(self, drives: Sequence[Drive]) -> None:
-        self._finished += [(drive, self._film.cut(drive)) for drive in drives]
+        for drive in drives:
+            pictures = self._film.cut(drive, self._steps_of(drive))
+            self._finished.append((drive, pictures, self._scan_map.cut(drive)))
 
-    def _evaluated(self, drive: Drive, pictures: Mapping[int, bytes]) -> EvaluatedDrive:
+    def _steps_of(self, drive: Drive) -> list[ReplayStep]:
+        return [s for s in self._replay.steps if drive.start_ns <= s.t_ns <= drive.end_ns]
+
+    def _evaluated(
+        self, drive: Drive, pictures: Mapping[int, bytes], points: np.ndarray
+    ) -> EvaluatedDrive:
         outcome, found = judge(drive), contacts_of(drive)
         source = outcome.collisions.source
         contacts = found.get(source, ()) if source else found.get(OBSERVABLE, ())
-        within = [s for s in self._replay.steps if drive.start_ns <= s.t_ns <= drive.end_ns]
+        within = self._steps_of(drive)
         steps = labelled(within, [c.t_ns for c in contacts]) if source else within
-        return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures)
+        return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures, points)
 
 
 def _holds(roles: Roles, role: str) -> bool:

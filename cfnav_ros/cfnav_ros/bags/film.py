@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 from PIL import Image
 
 from cfnav_ros.bags.drives import Drive
 from cfnav_ros.bags.outcomes import OBSERVABLE, contacts_of
+from cfnav_ros.bags.replay_step import ReplayStep
+from cfnav_ros.bags.scores import disagreements
 
 FRAMES = 8
-"""Pictures shown of each drive."""
+"""Pictures of the course of each drive."""
+
+MOMENTS = 4
+"""Further pictures of each drive: of the surest disagreements with what was driven."""
 
 SIDE = 300
 """Of a picture's longer side, pixels: what the camera of the demo gives."""
@@ -35,12 +40,18 @@ class Film:
             self._kept.pop(next(iter(self._kept)))
         self._kept[stamp_ns] = _jpeg(rgb)
 
-    def cut(self, drive: Drive) -> Mapping[int, bytes]:
-        """The pictures of a finished drive that are worth showing; those before it are dropped."""
+    def cut(self, drive: Drive, steps: Sequence[ReplayStep] = ()) -> Mapping[int, bytes]:
+        """The pictures of a finished drive that are worth showing; those before it are dropped.
+
+        Args:
+            drive: that is over.
+            steps: answers of the bundles to its decisions.
+        """
         inside = {ns: data for ns, data in self._kept.items() if ns <= drive.end_ns}
         for ns in inside:
             del self._kept[ns]
-        return {ns: inside[ns] for ns in key_stamps(drive, sorted(inside))}
+        chosen = {*key_stamps(drive, sorted(inside)), *moment_stamps(steps, inside)}
+        return {ns: inside[ns] for ns in sorted(chosen)}
 
 
 def key_stamps(drive: Drive, stamps: Sequence[int], count: int = FRAMES) -> list[int]:
@@ -70,6 +81,20 @@ def key_stamps(drive: Drive, stamps: Sequence[int], count: int = FRAMES) -> list
         if len(chosen) < count:
             chosen.add(int(k))
     return [stamps[k] for k in sorted(chosen)]
+
+
+def moment_stamps(
+    steps: Sequence[ReplayStep], stamps: Container[int], count: int = MOMENTS
+) -> list[int]:
+    """Choose the pictures on which bundles would surest have done something else, surest first.
+
+    Args:
+        steps: answers of the bundles to the decisions of one drive.
+        stamps: of its pictures, nanoseconds.
+        count: of those to choose, whichever bundles disagree.
+    """
+    shown = [step for step in steps if step.image_ns in stamps]
+    return list(dict.fromkeys(s.image_ns for s in disagreements(shown, len(shown))))[:count]
 
 
 def _jpeg(rgb: np.ndarray) -> bytes:

@@ -234,7 +234,9 @@ def _rate(collisions: Fact, way: Fact) -> Fact:
         return Fact(None, why=collisions.why or way.why)
     if way.value < LEAST_WAY_M:
         return Fact(None, why=f"it drove less than {LEAST_WAY_M:g} m")
-    return Fact(collisions.value / way.value, f"{collisions.source}, {way.source}")
+    same = collisions.source == way.source
+    source = way.source if same else f"{collisions.source}, {way.source}"
+    return Fact(collisions.value / way.value, source)
 
 
 def _impact(collisions: Fact, by: Mapping[str, tuple[Contact, ...]]) -> Fact:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Collection, Generator, Iterable, Iterator
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from pathlib import Path
@@ -68,6 +68,22 @@ def find_bags(paths: Iterable[Path]) -> list[Path]:
             )
         found.update(dict.fromkeys(bags))
     return list(found)
+
+
+def unique_names(bags: Sequence[Path]) -> list[str]:
+    """Name each bag by as much of the end of its path as tells it from the others.
+
+    Args:
+        bags: different ones.
+    """
+    parts = [path.absolute().parts for path in bags]
+    names = []
+    for mine in parts:
+        others = [other for other in parts if other != mine]
+        ends = range(1, len(mine) + 1)
+        size = next(n for n in ends if all(other[-n:] != mine[-n:] for other in others))
+        names.append(str(Path(*mine[-size:])))
+    return names
 
 
 def _bags_in(folder: Path) -> list[Path]:
