@@ -109,7 +109,9 @@ def _in_words(cell: dict[str, Any]) -> str:
 
 def _unmeasured(cell: dict[str, Any]) -> str:
     """What stands where a time would, as nothing had to be stopped."""
-    return ": finished, none followed" if "finished" in cell["last_motions"] else ": stood, stays"
+    if "finished" in cell["last_motions"]:
+        return ": finished, none followed"
+    return ": cut short, none followed" if "cut short" in cell["last_motions"] else ": stood, stays"
 
 
 def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:
