@@ -22,7 +22,7 @@ CHANGED = (
     "it beyond and what is given up falls short",
     "2e4a58a: a stop needs the episode's end and a sentence that names the cause; a ride after the "
     "fault was mended is none through it; a motion that finished is no measured stop",
-    "THISHASH: where only drives are bounded, the end of a turn is no measured stop",
+    "c1cfb71: where only drives are bounded, the end of a turn is no measured stop",
 )
 """What was changed in judging after measurements had begun: commits and reasons."""
 
