@@ -142,7 +142,7 @@ def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:
     met = sum(cell["as_expected"] for cell in cells)
     figure.suptitle(
         f"{met} of {len(cells)} cells as expected (teal; others orange): reaction, "
-        "longest time to rest / bound in seconds"
+        "longest time to rest / bound in seconds; finished: the motion under way did, none followed"
     )
     figure.savefig(path, dpi=120)
     plt.close(figure)
@@ -156,8 +156,8 @@ def _draw_cell(axis: Any, x: int, y: int, cell: dict[str, Any]) -> None:
     text = cell["reaction"]
     if cell["reaction"] not in ("refuse", "ride_through") and cell["bound_s"] is not None:
         timed = f" {cell['stop_s_max']:.2f} / {cell['bound_s']:.2f}" if cell["stops"] else ""
-        text += timed or _unmeasured(cell)
-    elif cell["reaction"] != cell["expected"]:
+        text += timed or _unmeasured(cell).partition(",")[0]
+    elif not cell["as_expected"]:
         text += f", not {cell['expected']}"
     text = text.replace("_", " ")
     axis.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7, color="white")
