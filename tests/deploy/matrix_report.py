@@ -72,7 +72,7 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
     reasons = {cell["fault"]: cell["reason"] for cell in cells}
     changes: dict[str, dict[str, None]] = defaultdict(dict)
     for cell in cells:
-        changes[cell["fault"]] |= dict.fromkeys(filter(None, [cell["changed"]]))
+        changes[cell["fault"]] |= dict.fromkeys(filter(None, cell["changed"].split("; ")))
     total = {name: sum(c[name] for c in cells) for name in ("runs", "contacts", "before_wall")}
     repeated = sum(c["attempts"] for c in cells) - total["runs"]
     return "\n".join([
