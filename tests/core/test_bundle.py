@@ -87,7 +87,8 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert "**+0.250** [+0.100, +0.400]" in card
     head = BundleHead.load(made / "again")
     in_step = {**head.metrics, "live": {**live, "speed": 0.0, "lock_step": True}}
-    assert "its veto off, in lock-step, at commit abc;" in model_card(replace(head, metrics=in_step))
+    card = model_card(replace(head, metrics=in_step))
+    assert "its veto off, in lock-step, at commit abc;" in card
 
 
 def test_a_card_gives_the_models_title(made):
