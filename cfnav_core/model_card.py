@@ -98,13 +98,16 @@ def _live(name: str, m: dict[str, Any]) -> list[str]:
     if "against" in m:
         rows.append(_row(_name(m["against"]), m["against"]))
     veto = "on" if m["veto"] else "off"
+    pace = f"at most {m['speed']:g} times real time" if m["speed"] else "as fast as it goes"
+    if m.get("lock_step"):
+        pace = "in lock-step"
     lines = [
         "",
         "### Live ROS graph",
         "",
         f"{m['episodes']} episodes through mock TurtleBot 4, LiDAR collision node and policy node "
-        f"in {len(m['rooms'])} test rooms, p_hat from the LiDAR, its veto {veto}, at most "
-        f"{m['speed']:g} times real time, at commit {', '.join(m['commits'])}; starts at least 5 "
+        f"in {len(m['rooms'])} test rooms, p_hat from the LiDAR, its veto {veto}, {pace}, "
+        f"at commit {', '.join(m['commits'])}; starts at least 5 "
         "actions away. Path lengths in metres.",
         "",
         *_TABLE,

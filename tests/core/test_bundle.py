@@ -83,7 +83,12 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert f"| {first.summary()['cf_sr']:.3f} [" in card
     assert "`cfnav evaluate`" in card
     assert "60 episodes through mock TurtleBot 4" in card
+    assert "at most 2 times real time" in card
     assert "**+0.250** [+0.100, +0.400]" in card
+    head = BundleHead.load(made / "again")
+    in_step = {**head.metrics, "live": {**live, "speed": 0.0, "lock_step": True}}
+    card = model_card(replace(head, metrics=in_step))
+    assert "its veto off, in lock-step, at commit abc;" in card
 
 
 def test_a_card_gives_the_models_title(made):

@@ -22,6 +22,7 @@ CHANGED = (
     "it beyond and what is given up falls short",
     "2e4a58a: a stop needs the episode's end and a sentence that names the cause; a ride after the "
     "fault was mended is none through it; a motion that finished is no measured stop",
+    "c1cfb71: where only drives are bounded, the end of a turn is no measured stop",
 )
 """What was changed in judging after measurements had begun: commits and reasons."""
 
@@ -119,7 +120,8 @@ class Judgement:
     Attributes:
         reaction: what the deployment did.
         stop_s: seconds from the fault to the end of what was bounded, or of the last motion; None
-            where nothing was stopped (the last motion finished, or none was under way) or bounded.
+            where nothing was stopped (the last motion finished, or none was under way) or bounded,
+            and where only drives are and none was.
         last_motion: what became of it.
         contacts: with anything, after the fault.
         as_expected: whether reaction, time, outcome and sentence are those of the expectation.
@@ -186,12 +188,12 @@ def judge(run: Run, expected: Expectation) -> Judgement:
     }
     reaction = _reaction(replace(run, truth=truth), expected, seen, times)
     bounded_s = max(times.get(expected.bounded, 0.0), 0.0)
-    stop_s = bounded_s or times[Bounded.MOTIONS]
+    drives = expected.bounded is Bounded.DRIVES
+    stop_s = bounded_s if drives else bounded_s or times[Bounded.MOTIONS]
     contacts = truth[-1].collisions - truth[0].collisions
     in_time = bound is None or bounded_s <= bound
     last_motion = _last(seen[:1] if expected.bounded is Bounded.UNDER_WAY else seen)
-    drove = expected.bounded is Bounded.DRIVES and bounded_s > 0
-    cut = drove or last_motion in (LastMotion.CUT_SHORT, LastMotion.LASTS)
+    cut = stop_s > 0 if drives else last_motion in (LastMotion.CUT_SHORT, LastMotion.LASTS)
     return Judgement(
         reaction,
         round(stop_s, 3) if cut and bound is not None else None,

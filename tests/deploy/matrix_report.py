@@ -72,7 +72,7 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
     reasons = {cell["fault"]: cell["reason"] for cell in cells}
     changes: dict[str, dict[str, None]] = defaultdict(dict)
     for cell in cells:
-        changes[cell["fault"]] |= dict.fromkeys(filter(None, [cell["changed"]]))
+        changes[cell["fault"]] |= dict.fromkeys(filter(None, cell["changed"].split("; ")))
     total = {name: sum(c[name] for c in cells) for name in ("runs", "contacts", "before_wall")}
     repeated = sum(c["attempts"] for c in cells) - total["runs"]
     return "\n".join([
@@ -109,7 +109,9 @@ def _in_words(cell: dict[str, Any]) -> str:
 
 def _unmeasured(cell: dict[str, Any]) -> str:
     """What stands where a time would, as nothing had to be stopped."""
-    return ": finished, none followed" if "finished" in cell["last_motions"] else ": stood, stays"
+    if "finished" in cell["last_motions"]:
+        return ": finished, none followed"
+    return ": cut short, none followed" if "cut short" in cell["last_motions"] else ": stood, stays"
 
 
 def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:
@@ -140,7 +142,7 @@ def draw(cells: Sequence[dict[str, Any]], path: Path) -> None:
     met = sum(cell["as_expected"] for cell in cells)
     figure.suptitle(
         f"{met} of {len(cells)} cells as expected (teal; others orange): reaction, "
-        "longest time to rest / bound in seconds"
+        "longest time to rest / bound in seconds; finished: the motion under way did, none followed"
     )
     figure.savefig(path, dpi=120)
     plt.close(figure)
@@ -154,8 +156,8 @@ def _draw_cell(axis: Any, x: int, y: int, cell: dict[str, Any]) -> None:
     text = cell["reaction"]
     if cell["reaction"] not in ("refuse", "ride_through") and cell["bound_s"] is not None:
         timed = f" {cell['stop_s_max']:.2f} / {cell['bound_s']:.2f}" if cell["stops"] else ""
-        text += timed or _unmeasured(cell)
-    elif cell["reaction"] != cell["expected"]:
+        text += timed or _unmeasured(cell).partition(",")[0]
+    elif not cell["as_expected"]:
         text += f", not {cell['expected']}"
     text = text.replace("_", " ")
     axis.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7, color="white")

@@ -149,10 +149,11 @@ class Expectation:
         """Whether half of the runs are made before a wall, which who drives on blind would touch.
 
         Faults of the scan, the estimate and of processes, while driving. Not where two whole
-        motions must finish.
+        motions must finish, or may.
         """
         source = self.fault.partition("_")[0] in ("scan", "lidar", "policy", "goal")
-        return source and self.phase is Phase.DRIVING and self.reaction is not Reaction.RIDE_THROUGH
+        rides = self.reaction is Reaction.RIDE_THROUGH or self.may_ride
+        return source and self.phase is Phase.DRIVING and not rides
 
     @property
     def terms(self) -> dict[str, Any]:

@@ -179,6 +179,15 @@ def test_who_sees_nothing_may_finish_its_turn_but_not_drive():
     assert (driven.reaction, driven.as_expected) == (Reaction.DEGRADE, False)
 
 
+def test_where_only_drives_are_bounded_the_end_of_a_turn_is_no_measured_stop():
+    told = "The LiDAR is blind."
+    turned = judged(drive((1.4, 0.0, 0.3)), "scan_all_inf", Phase.TURNING, message=told)
+    assert (turned.stop_s, turned.last_motion) == (None, LastMotion.CUT_SHORT)
+    assert turned.as_expected
+    drove = judged(drive((0.5, 0.2, 0.0)), "scan_all_inf", Phase.TURNING, message=told)
+    assert drove.stop_s == pytest.approx(0.3, abs=0.06)
+
+
 def test_a_refusal_is_one_without_motion():
     still = drive()
     message = "The picture is encoded as '16UC1'."
