@@ -1,37 +1,146 @@
-"""Judge every drive of a recorded bag: ``python -m cfnav_ros.bag_eval BAG``. Needs no ROS."""
+"""Judge policies on recorded drives: ``python -m cfnav_ros.bag_eval BAG... --out DIR``.
+
+Needs no ROS. Reads every bag once, as a stream: judges its drives, replays bundles over them as the
+live node would have run them, and watches the sensors. Writes ``report.html``, ``metrics.json``,
+``drives.csv``, ``decisions.csv`` and ``health.csv``. Exit code 0: everything was evaluated; 1: some
+of it could not be read or evaluated, and sentences on standard error name it; 2: nothing was.
+"""
 
 from __future__ import annotations
 
+import os
+import shlex
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from cfnav_ros.bags.evaluation import Options
-from cfnav_ros.bags.evaluation import evaluate as evaluate_bag
+from cfnav_core.whole import WriteError
+from cfnav_ros.bags.batch import Failed, evaluate_all
+from cfnav_ros.bags.episodes_file import read_episodes
+from cfnav_ros.bags.evaluation import Evaluation, Options, policy_of
 from cfnav_ros.bags.reading import BagError, find_bags
-from cfnav_ros.bags.results import METRICS, result_files
-from cfnav_ros.bags.summary import summarise
+from cfnav_ros.bags.results import result_files
+from cfnav_ros.bags.roles import parse_topics
+from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
+from cfnav_ros.report import figure_text, interval_text, number_text, write_file, write_report
+
+SHIPPED = "shipped"
+
+REPORT = "report.html"
 
 
-def evaluate(bag: Annotated[Path, tyro.conf.Positional]) -> None:
-    """Judge every drive of a recorded bag.
+@dataclass(frozen=True)
+class BagEvalConfig:
+    """Judge policies on recorded drives, without a robot."""
 
-    Args:
-        bag: folder of the bag, or its .mcap file.
+    bags: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Bags (folders, .mcap or .db3 files), or folders with bags."""
+    out: Path = Path("out/bag_eval")
+    """Folder of the report and the figures."""
+    bundle: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
+    """Bundle to replay, again for each one to compare; the shipped one when not given."""
+    replay: bool = True
+    """Replay bundles; without, only what happened is judged."""
+    topic: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """ROLE:=NAME of a topic that has another name than usual, again for each; what is not named is
+    found by name or type. Roles: image, scan, odom, cmd_vel, hazards, joint_states, tf, tf_static,
+    decision, episode, estimate, truth, map, clock."""
+    episodes: Path | None = None
+    """YAML or CSV file of the drives that no policy node told of: bag, start, end (s), goal, and
+    if known goal_x, goal_y (m in the odometry frame), reached."""
+    jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """Bags side by side."""
+
+
+def run(config: BagEvalConfig) -> int:
+    """Evaluate and write; returns the exit code.
+
+    Raises:
+        ValueError: a topic, the episodes file or a bundle cannot be used; one sentence.
+        BagError: there is no bag.
+        WriteError: a result cannot be written.
     """
-    evaluations = [evaluate_bag(found, Options()) for found in find_bags([bag])]
-    print(result_files(evaluations, summarise(evaluations), {})[METRICS])
+    bags, options = find_bags(config.bags), _options(config)
+    results = evaluate_all(bags, options, config.jobs)
+    done = [result for result in results if isinstance(result, Evaluation)]
+    failed = [result.reason for result in results if isinstance(result, Failed)]
+    for sentence in [*failed, *(f"{e.name}: {note}" for e in done for note in e.notes)]:
+        print(f"bag_eval: {sentence}", file=sys.stderr)
+    if not done:
+        return 2
+    summary = summarise(done)
+    facts = {"command": shlex.join(["bag_eval", *sys.argv[1:]]), "bags": str(len(bags))}
+    for name, text in result_files(done, summary, facts, failed).items():
+        write_file(config.out / name, text)
+    write_report(done, config.out / REPORT, facts, summary, failed)
+    print(table(done, summary))
+    print(f"report in {config.out / REPORT}")
+    return 1 if failed or any(e.damaged for e in done) else 0
+
+
+def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:
+    """The drives and their figures as lines of text for a terminal."""
+    head = ("bag", "goal", "outcome", "reached", "touched", "steps", "m")
+    lines = ["{:<24}{:<15}{:<12}{:<9}{:<9}{:>6}{:>8}".format(*head)]
+    for bag, drive in drives_in(evaluations):
+        o = drive.outcome
+        reached = {True: "yes", False: "no", None: "?"}[o.success.value]
+        touched = "?" if o.collisions.value is None else o.collisions.value
+        lines.append(
+            f"{bag.name[:23]:<24}{o.goal or '-':<15}{o.outcome or '-':<12}{reached:<9}{touched!s:<9}"
+            f"{'?' if o.steps is None else o.steps:>6}{number_text(o.path_length_m.value):>8}"
+        )
+    for name in ("cf_sr", "sr", "cf_spl", "spl"):
+        mean = summary.figures[name]
+        shown = f"{number_text(mean.value)} {interval_text(mean)}".strip()
+        lines.append(f"{name:<8}{shown}  ({mean.drives} drives)")
+    lines += [_line(scores) for scores in summary.bundles]
+    return "\n".join(lines)
+
+
+def _line(scores: BundleScores) -> str:
+    agreed = figure_text(scores.agreement.overall)
+    line = f"bundle {scores.name} would have done what was driven: {agreed}"
+    own = scores.own
+    return f"{line}; {own.equal} of {own.decisions} decisions reproduced" if own.decisions else line
+
+
+def _options(config: BagEvalConfig) -> Options:
+    folders = [str(path) for path in config.bundle] or [""]
+    bundles = dict(zip(_names(folders), folders, strict=True)) if config.replay else {}
+    for folder in bundles.values():
+        policy_of(folder)  # one that cannot be used is told before hours are spent
+    rows = read_episodes(config.episodes) if config.episodes else ()
+    return Options(bundles=bundles, topics=parse_topics(config.topic), rows=rows)
+
+
+def _names(folders: Sequence[str]) -> list[str]:
+    """Names by which bundles are told apart: their folders', made longer where they are alike."""
+    paths = [Path(folder).resolve() if folder else Path(SHIPPED) for folder in folders]
+    for depth in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+        if len(set(names)) == len(names):
+            return names
+    twice = next(path for path in paths if paths.count(path) > 1)
+    raise ValueError(f"the bundle {twice} is given twice; expected each once.")
 
 
 def main() -> None:
-    """Run the command line; a bag that cannot be judged ends it with one sentence and code 2."""
+    """Run the command line; what cannot be used ends it with one sentence and code 2."""
+    config = tyro.cli(BagEvalConfig, prog="bag_eval")
     try:
-        tyro.cli(evaluate, prog="bag_eval")
-    except BagError as error:
+        code = run(config)
+    except (BagError, WriteError, ValueError) as error:
         print(f"bag_eval: {error}", file=sys.stderr)
-        sys.exit(2)
+        code = 2
+    except KeyboardInterrupt:
+        print("bag_eval: interrupted; nothing was written", file=sys.stderr)
+        code = 130
+    sys.exit(code)
 
 
 if __name__ == "__main__":
