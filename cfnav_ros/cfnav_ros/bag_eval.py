@@ -90,9 +90,10 @@ def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:
         o = drive.outcome
         reached = {True: "yes", False: "no", None: "?"}[o.success.value]
         touched = "?" if o.collisions.value is None else o.collisions.value
+        steps = "?" if o.steps is None else o.steps
         lines.append(
-            f"{bag.name[:23]:<24}{o.goal or '-':<15}{o.outcome or '-':<12}{reached:<9}{touched!s:<9}"
-            f"{'?' if o.steps is None else o.steps:>6}{number_text(o.path_length_m.value):>8}"
+            f"{bag.name[:23]:<24}{o.goal or '-':<15}{o.outcome or '-':<12}{reached:<9}"
+            f"{touched!s:<9}{steps:>6}{number_text(o.path_length_m.value):>8}"
         )
     for name in ("cf_sr", "sr", "cf_spl", "spl"):
         mean = summary.figures[name]

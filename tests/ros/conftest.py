@@ -61,7 +61,11 @@ class SyntheticBag:
         cells = np.zeros((size, size), np.int8)
         cells[[0, -1], :] = cells[:, [0, -1]] = 100
         cells[80:110, 120:150] = 100
-        info = self.message("nav_msgs/MapMetaData", resolution=0.02, width=size, height=size)
+        straight = self.message("geometry_msgs/Quaternion", w=1.0)
+        origin = self.message("geometry_msgs/Pose", orientation=straight)
+        info = self.message(
+            "nav_msgs/MapMetaData", resolution=0.02, width=size, height=size, origin=origin
+        )
         grid = self.message(
             "nav_msgs/OccupancyGrid", header=self.header(t_ns), info=info, data=cells.ravel()
         )

@@ -44,12 +44,72 @@ def test_outcomes_of_a_real_bag(bag: Path) -> None:
     assert [o.driven_m.value for o in outcomes] == pytest.approx([1.0, 1.0, 1.0])
 
 
-def test_command_line_prints_the_figures(bag: Path) -> None:
-    command = [sys.executable, "-m", "cfnav_ros.bag_eval", str(bag)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    written = json.loads(done.stdout)
+def bag_eval(*arguments: object) -> subprocess.CompletedProcess:
+    """What the command line makes of its arguments."""
+    command = [sys.executable, "-m", "cfnav_ros.bag_eval", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_command_line_writes_the_figures_and_the_page(bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = bag_eval(bag, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert {file.name for file in out.iterdir()} == {
+        "report.html", "metrics.json", "drives.csv", "decisions.csv", "health.csv"
+    }  # fmt: skip
+    written = json.loads((out / "metrics.json").read_text())
     assert written["figures"]["cf_sr"]["value"] == pytest.approx(1 / 3)
     assert written["drives"][1]["collisions"] == 2
+    assert [bundle["name"] for bundle in written["bundles"]] == ["shipped"]
+    assert "cf_sr" in done.stdout
+    assert f"report in {out / 'report.html'}" in done.stdout
+
+
+def test_bags_side_by_side_are_those_one_after_the_other(bag: Path, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        shutil.copytree(bag, tmp_path / "bags" / name)
+    rows = []
+    for jobs in (1, 2):
+        out = tmp_path / f"out{jobs}"
+        done = bag_eval(tmp_path / "bags", "--out", out, "--no-replay", "--jobs", jobs)
+        assert done.returncode == 0, done.stderr
+        rows.append((out / "drives.csv").read_text())
+    assert rows[0] == rows[1]
+    assert len(rows[0].splitlines()) == 1 + 2 * 3
+
+
+def test_a_damaged_bag_leaves_the_others_whole_and_is_named(bag: Path, tmp_path: Path) -> None:
+    shutil.copytree(bag, tmp_path / "bags/whole")
+    (file,) = bag.glob("*.mcap")
+    (tmp_path / "bags/cut").mkdir()
+    (tmp_path / "bags/cut/cut.mcap").write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    out = tmp_path / "out"
+    done = bag_eval(tmp_path / "bags", "--out", out, "--no-replay")
+    assert done.returncode == 1
+    assert "bag_eval: cut: " in done.stderr
+    assert "Traceback" not in done.stderr
+    written = json.loads((out / "metrics.json").read_text())
+    assert [b["damaged"] for b in written["bags"]] == [True, False]
+    assert sum(row["bag"] == "whole" for row in written["drives"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--topic", "picture:=/camera"], "expected ROLE:=NAME"),
+        (["--bundle", "nowhere"], "nowhere"),
+        (["--bundle", "nowhere", "--bundle", "nowhere"], "is given twice"),
+        (["--episodes", "nowhere.yaml"], "nowhere.yaml"),
+    ],
+)
+def test_what_makes_no_sense_ends_with_one_sentence(
+    bag: Path, tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
+    done = bag_eval(bag, "--out", tmp_path / "out", *arguments)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_file_within_the_folder_reads_the_same(bag: Path) -> None:
