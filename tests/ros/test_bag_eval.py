@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 import subprocess
@@ -67,7 +68,7 @@ def test_command_line_writes_the_figures_and_the_page(bag: Path, tmp_path: Path)
 
 def test_bags_side_by_side_are_those_one_after_the_other(bag: Path, tmp_path: Path) -> None:
     for name in ("first", "second"):
-        shutil.copytree(bag, tmp_path / "bags" / name)
+        shutil.copytree(bag, tmp_path / "bags" / name / "bag")
     rows = []
     for jobs in (1, 2):
         out = tmp_path / f"out{jobs}"
@@ -75,7 +76,8 @@ def test_bags_side_by_side_are_those_one_after_the_other(bag: Path, tmp_path: Pa
         assert done.returncode == 0, done.stderr
         rows.append((out / "drives.csv").read_text())
     assert rows[0] == rows[1]
-    assert len(rows[0].splitlines()) == 1 + 2 * 3
+    table = list(csv.DictReader(rows[0].splitlines()))
+    assert [row["bag"] for row in table] == ["first/bag"] * 3 + ["second/bag"] * 3
 
 
 def test_a_damaged_bag_leaves_the_others_whole_and_is_named(bag: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from cfnav_ros.bags.decode import WITH_EVENTS
 from cfnav_ros.bags.episodes_file import rows_of
 from cfnav_ros.bags.evaluation import Evaluation, Options, evaluate
-from cfnav_ros.bags.reading import Bag
+from cfnav_ros.bags.reading import Bag, unique_names
 from cfnav_ros.bags.roles import assign
 
 LOOK_S = 0.2
@@ -28,6 +28,13 @@ class Failed:
 
     name: str
     reason: str
+
+
+@dataclass(frozen=True)
+class _Task:
+    bag: Path
+    name: str
+    options: Options
 
 
 def evaluate_all(
@@ -44,27 +51,30 @@ def evaluate_all(
     Returns:
         In the order of the bags.
     """
-    each = [(bag, _own(options, bag)) for bag in bags]
+    each = [
+        _Task(bag, name, replace(options, rows=rows_of(options.rows, bag)))
+        for bag, name in zip(bags, unique_names(bags), strict=True)
+    ]
     with tqdm(total=_events(bags, options) or None, unit="event", disable=not show) as bar:
         bar.unit_scale = True
         if min(jobs, len(bags)) <= 1:
-            return [_attempt(bag, own, bar.update) for bag, own in each]
+            return [_attempt(task, bar.update) for task in each]
         return _side_by_side(each, min(jobs, len(bags)), bar.update)
 
 
 def _side_by_side(
-    each: Sequence[tuple[Path, Options]], jobs: int, advance: Callable[[int], Any]
+    each: Sequence[_Task], jobs: int, advance: Callable[[int], Any]
 ) -> list[Evaluation | Failed]:
     # spawned, as a fork would take over the threads of an inference session half-way
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager, ProcessPoolExecutor(jobs, context) as pool:
         progress = manager.Queue()
-        futures = [pool.submit(_attempt, bag, own, progress.put) for bag, own in each]
+        futures = [pool.submit(_attempt, task, progress.put) for task in each]
         running: set[Future] = set(futures)
         while running:
             _, running = wait(running, LOOK_S, FIRST_COMPLETED)
             _take(progress, advance)
-        return [_result(future, bag) for future, (bag, _) in zip(futures, each, strict=True)]
+        return [_result(future, task) for future, task in zip(futures, each, strict=True)]
 
 
 def _take(progress: Any, advance: Callable[[int], Any]) -> None:
@@ -75,22 +85,18 @@ def _take(progress: Any, advance: Callable[[int], Any]) -> None:
             return
 
 
-def _result(future: Future, bag: Path) -> Evaluation | Failed:
+def _result(future: Future, task: _Task) -> Evaluation | Failed:
     error = future.exception()
     if error is None:
         return future.result()
-    return Failed(bag.name, f"{bag} could not be evaluated: its process ended ({error}).")
+    return Failed(task.name, f"{task.bag} could not be evaluated: its process ended ({error}).")
 
 
-def _attempt(bag: Path, options: Options, tick: Callable[[int], Any]) -> Evaluation | Failed:
+def _attempt(task: _Task, tick: Callable[[int], Any]) -> Evaluation | Failed:
     try:
-        return evaluate(bag, options, tick)
+        return evaluate(task.bag, task.options, tick, task.name)
     except (ValueError, OSError, MemoryError) as error:
-        return Failed(bag.name, f"{bag} could not be evaluated: {error}")
-
-
-def _own(options: Options, bag: Path) -> Options:
-    return replace(options, rows=rows_of(options.rows, bag))
+        return Failed(task.name, f"{task.bag} could not be evaluated: {error}")
 
 
 def _events(bags: Sequence[Path], options: Options) -> int:
