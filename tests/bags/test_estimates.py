@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from cfnav_ros.bags.estimates import KEEP_NS, LEAP_NS, MOST_KEPT, Estimates, as_published
-from cfnav_ros.bags.events import Event, Frames, LaserTurn, Tick
+from cfnav_ros.bags.estimates import AHEAD_NS, KEEP_NS, LEAP_NS, MOST_KEPT, Estimates, as_published
+from cfnav_ros.bags.events import Event, Frames, LaserTurn, Pose, Tick
 from cfnav_ros.lidar import SweptDisc, Verdict, estimate_collision
 from cfnav_ros.scan_watch import LidarParameters
 
@@ -163,3 +163,20 @@ def test_memory_is_bounded():
     assert estimates.made_from(START) is None
     assert estimates.made_from(START + 299 * PERIOD_NS) is not None
     assert len(estimates._kept) <= min(MOST_KEPT, KEEP_NS // PERIOD_NS + 1)
+
+
+def pose(t_ns):
+    return Pose(t_ns=t_ns, log_ns=t_ns, x=0.0, y=0.0, yaw=0.0, v=0.0, w=0.0)
+
+
+@pytest.mark.parametrize(("late_ns", "sees"), [(0, True), (900 * MS, True), (AHEAD_NS + S, False)])
+def test_where_the_clock_was_recorded_late_odometry_tells_the_time(late_ns, sees):
+    """A scan is from the future only for who believes a clock that lags."""
+    events = []
+    for turn in turns(5):
+        now = turn.t_ns + PERIOD_NS
+        events += [Tick(t_ns=now - late_ns, log_ns=now - late_ns), pose(now), turn]
+    estimates = Estimates()
+    judged(events, estimates)
+    made = [estimates.made_from(turn.t_ns) for turn in turns(5)]
+    assert [m is not None and m.estimate.verdict is Verdict.GOOD for m in made] == [sees] * 5

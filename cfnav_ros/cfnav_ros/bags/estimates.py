@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfnav_ros.bags.events import Event, Frames, Judged, LaserTurn, Tick
+from cfnav_ros.bags.events import Event, Frames, Judged, LaserTurn, Pose, Tick
 from cfnav_ros.lidar import Estimate, Verdict
 from cfnav_ros.mounting import Mounting
 from cfnav_ros.returns import Mount
@@ -31,17 +31,30 @@ LEAP_NS = 10_000_000_000
 """Of a longer time without any event only so much is filled with blind estimates, and its end."""
 
 
+AHEAD_NS = 2_000_000_000
+"""A recorder that is busy hears /clock so much later than it should; odometry that is stamped
+further ahead comes from another clock."""
+
+
 class NodeTime:
-    """Time as the robot's nodes had it, integer nanoseconds."""
+    """Time as the robot's nodes had it, integer nanoseconds.
+
+    That of /clock once the bag tells it, else the log time. Where /clock was recorded late, the
+    stamps of odometry, which are those of the moment, are ahead of it and tell the time.
+    """
 
     def __init__(self) -> None:
         self._ticked: int | None = None
+        self._moved = 0
 
     def at(self, event: Event) -> int:
         """The time at which an event came; events are given in their order."""
         if isinstance(event, Tick):
             self._ticked = event.t_ns
-        return event.log_ns if self._ticked is None else self._ticked
+        told = event.log_ns if self._ticked is None else self._ticked
+        if isinstance(event, Pose):
+            self._moved = event.t_ns
+        return self._moved if 0 < self._moved - told <= AHEAD_NS else told
 
 
 @dataclass(frozen=True)
