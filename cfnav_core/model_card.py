@@ -45,7 +45,8 @@ def model_card(head: BundleHead) -> str:
         "",
         "## What it is not for",
         "",
-        "Trained on rendered rooms only. A real robot needs the LiDAR collision node and its veto; "
+        "Trained on rendered rooms only, on the view of the camera above: a lower, narrower or "
+        "fixed one shows another world. A real robot needs the LiDAR collision node and its veto; "
         "nothing here was measured on hardware.",
         "",
     ]
