@@ -1,6 +1,6 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-test demo test test-long lint bench bench-train bench-deploy train-demo clean
+.PHONY: help setup setup-test demo test test-long lint bench bench-train bench-deploy bench-bag train-demo clean
 
 PYTHON ?= python3
 OUT ?= out/demo
@@ -42,6 +42,9 @@ bench-train: setup-test ## Measure training and write out/bench/train.json
 
 bench-deploy: setup-test ## Measure faults, motions, LiDAR, CPU and memory on live graphs; goes on where it stopped (RUNS=5)
 	@$(ENV) exec python -m tests.deploy.bench --out $(BENCH_OUT) $(if $(RUNS),--runs $(RUNS)) $(if $(ONLY),--only $(ONLY))
+
+bench-bag: setup-test ## Measure how bags are read, replayed and judged; goes on where it stopped
+	@$(ENV) exec python -m tests.bags.bench --out $(BENCH_OUT) $(if $(ONLY),--only $(ONLY))
 
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 	@$(ENV) exec scripts/train_demo.sh

@@ -8,12 +8,10 @@ import sqlite3
 import struct
 import time
 import tracemalloc
-from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 import pytest
-from cfnav_ros.bags.events import Event, Picture, Pose
+from cfnav_ros.bags.events import Picture, Pose
 from cfnav_ros.bags.reading import SORTED_NS, Bag, BagError, find_bags, unique_names
 from cfnav_ros.bags.roles import ROLES, assign
 from cfnav_ros.bags.storage import MAX_MESSAGE
@@ -33,31 +31,11 @@ from tests.bags.bag_files import (
     write,
     write_mcap,
 )
+from tests.bags.damage import mutated
+from tests.bags.plain_events import read
 
 DRIVE = drive()
 ODOM = "nav_msgs/msg/Odometry"
-
-
-def plain(event: Event) -> tuple:
-    """An event as something that can be compared and hashed."""
-    values = [type(event).__name__]
-    for field in fields(event):
-        value = getattr(event, field.name)
-        if field.name == "decode":
-            value = value().tobytes()
-        elif isinstance(value, np.ndarray):
-            value = (value.shape, value.tobytes())
-        elif field.name == "scan":
-            value = (value.ranges.tobytes(), value.angle_min, value.frame, value.scan_time)
-        values.append(value)
-    return tuple(values)
-
-
-def read(path: Path) -> tuple[list[tuple], list[str]]:
-    """All events of a bag, and what is said about it."""
-    with Bag(path) as bag:
-        events = [plain(event) for event in bag.events(assign(bag.topics))]
-        return events, list(bag.notes)
 
 
 @pytest.fixture(scope="module")
@@ -407,26 +385,6 @@ def test_the_usual_roles_are_all_in_the_drive(tmp_path):
     assert set(roles.topics) == set(ROLES)
     assert roles.missing == ()
     assert roles.notes == ()
-
-
-def mutated(data: bytes, rng: random.Random) -> bytes:
-    """Damage as it happens: bytes flipped, overwritten, lost, put in twice, cut off."""
-    out = bytearray(data)
-    for _ in range(rng.choice([1, 1, 1, 2, 5])):
-        at, length = rng.randrange(len(out)), rng.choice([1, 4, 8, 100, 1000])
-        what = rng.randrange(5)
-        if what == 0:
-            out[at] ^= 1 << rng.randrange(8)
-        elif what == 1:
-            fill = rng.choice([b"\0", b"\xff", bytes([rng.randrange(256)])])
-            out[at : at + length] = fill * len(out[at : at + length])
-        elif what == 2:
-            del out[at : at + length]
-        elif what == 3:
-            out[at:at] = out[at : at + length]
-        else:
-            del out[max(at, 1) :]
-    return bytes(out)
 
 
 @pytest.fixture(scope="module")
