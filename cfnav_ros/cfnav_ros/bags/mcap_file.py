@@ -13,14 +13,23 @@ import struct
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import IO, cast
 from zlib import crc32
 
 import lz4.frame
 from backports import zstd
 
-from cfnav_ros.bags.storage import DAMAGE, MAX_MESSAGE, Key, Notes, Raw, Topic, is_cdr, unzip
+from cfnav_ros.bags.storage import (
+    DAMAGE,
+    MAX_MESSAGE,
+    Key,
+    Notes,
+    Raw,
+    Storage,
+    Topic,
+    is_cdr,
+    unzip,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_CHUNK = 4 * MAX_MESSAGE
@@ -85,21 +94,8 @@ class Declared:
             self.topics[number] = topic if is_cdr(encoding, name, self._notes) else None
 
 
-class McapFile:
+class McapFile(Storage):
     """One ``.mcap`` or ``.mcap.zstd``."""
-
-    def __init__(self, path: Path, notes: Notes) -> None:
-        """Name the file; nothing is read yet.
-
-        Args:
-            path: of the file.
-            notes: take a sentence for everything that cannot be read.
-        """
-        self.path = path
-        self.declared: dict[Key, Topic] = {}
-        self.unchecked = 0
-        self._zipped = path.suffix == ".zstd"
-        self._notes = notes
 
     def topics(self, counted: bool) -> list[Topic] | None:
         """The topics by the index; counts need no reading."""

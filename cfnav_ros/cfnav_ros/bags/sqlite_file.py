@@ -15,24 +15,11 @@ from tempfile import TemporaryDirectory
 
 from backports import zstd
 
-from cfnav_ros.bags.storage import DAMAGE, MAX_MESSAGE, Key, Notes, Raw, Topic, is_cdr
+from cfnav_ros.bags.storage import DAMAGE, MAX_MESSAGE, Key, Raw, Storage, Topic, is_cdr
 
 
-class SqliteFile:
+class SqliteFile(Storage):
     """One ``.db3`` or ``.db3.zstd``; the latter is unpacked beside the system's temporary files."""
-
-    def __init__(self, path: Path, notes: Notes) -> None:
-        """Name the file; nothing is read yet.
-
-        Args:
-            path: of the file.
-            notes: take a sentence for everything that cannot be read.
-        """
-        self.path = path
-        self.declared: dict[Key, Topic] = {}
-        self.unchecked = 0
-        self._zipped = path.suffix == ".zstd"
-        self._notes = notes
 
     def topics(self, counted: bool) -> list[Topic] | None:
         """The topics by their table; counting reads the table of messages without their content."""

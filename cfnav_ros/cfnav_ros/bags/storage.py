@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from backports import zstd
 
@@ -77,15 +78,30 @@ class Notes:
         return len(self._sentences)
 
 
-class Storage(Protocol):
-    """One file of a bag."""
+class Storage(ABC):
+    """One file of a bag.
 
-    path: Path
-    declared: dict[Key, Topic]
-    """Topics that ``messages`` has come across."""
-    unchecked: int
-    """Messages given in this pass that no checksum protects: damage within them goes unnoticed."""
+    Attributes:
+        path: of the file.
+        declared: topics that ``messages`` has come across.
+        unchecked: messages given in this pass that no checksum protects: damage within them goes
+            unnoticed.
+    """
 
+    def __init__(self, path: Path, notes: Notes) -> None:
+        """Name the file; nothing is read yet.
+
+        Args:
+            path: of the file; one that ends in ``.zstd`` is packed as a whole.
+            notes: take a sentence for everything that cannot be read.
+        """
+        self.path = path
+        self.declared: dict[Key, Topic] = {}
+        self.unchecked = 0
+        self._zipped = path.suffix == ".zstd"
+        self._notes = notes
+
+    @abstractmethod
     def topics(self, counted: bool) -> list[Topic] | None:
         """The topics as the file's own index has them.
 
@@ -96,6 +112,7 @@ class Storage(Protocol):
             None when only reading the whole file tells.
         """
 
+    @abstractmethod
     def messages(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
         """What can be read, in the order of recording; None wants all topics."""
 
