@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from cfnav_ros.bags.estimates import Estimates
 from cfnav_ros.bags.events import Bumps, Decided, LaserTurn, Picture, Pose, Tick, Told
-from cfnav_ros.bags.kept_pictures import KEEP_NS, MOST_BYTES, KeptPictures
 from cfnav_ros.bags.replay import Replay
 from cfnav_ros.bags.replay_step import PROBABILITY_TOLERANCE, labelled, reproduction
 from cfnav_ros.limits import EpisodeLimits
@@ -357,28 +356,7 @@ def test_a_bump_ends_an_inferred_move_and_labels_it(policy):
     assert S <= only.t_ns < pressed_ns == only.until_ns
 
 
-# Memory and time
-
-
-def test_pictures_are_kept_for_seconds_and_within_bytes():
-    def picture(k, size=100):
-        return Picture(t_ns=k * S, data=bytes(size), decode=lambda: None)
-
-    kept = KeptPictures()
-    for k in range(30):
-        kept.add(picture(k), k * S)
-    assert kept.get(18 * S) is None
-    assert kept.get(20 * S) is not None
-    assert kept.newest[1].t_ns == 29 * S
-    big = KeptPictures()
-    for k in range(4):
-        big.add(picture(k, MOST_BYTES // 2), k)
-    assert [big.get(k * S) is not None for k in range(4)] == [False, False, True, True]
-    again = KeptPictures()
-    again.add(picture(1), 0)
-    again.add(picture(1), 1)
-    again.add(picture(2), KEEP_NS + 5)
-    assert again.get(S) is None
+# Time
 
 
 @pytest.mark.parametrize("infer", [False, True])

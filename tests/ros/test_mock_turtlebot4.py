@@ -220,9 +220,7 @@ def test_command_turns_the_robot_and_expires(robot, unstamped):
     before = yaw()
     rate = 0.3 if unstamped else -0.3
     turned = math.copysign(1.0, rate)
-    asked_last = robot.drive(
-        0.0, rate, lambda: turned * (yaw() - before) > 0.15, "0.15 rad", unstamped
-    )
+    asked_last = robot.drive(0.0, rate, lambda: turned * (yaw() - before) > 0.15, "turn", unstamped)
     robot.wait_rest()
     # 0.5 s to expire; on a busy machine the last command is under way for some time.
     assert 0.5 <= robot.odometry_time() - asked_last < 5.0
