@@ -9,7 +9,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -20,6 +20,9 @@ from cfnav_ros.bags.sources import SENSORS
 from cfnav_ros.lidar import SweptDisc, estimate_collision
 from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.motion import Motion, MotionLimits, Odometry, Status
+from cfnav_ros.policy_parameters import PolicyParameters
+from cfnav_ros.scan_watch import LidarParameters
+from cfnav_ros.settings import leaves
 
 from cfnav_core.actions import Action
 from cfnav_ros import bringup
@@ -95,19 +98,9 @@ def test_every_parameter_file_named_exists() -> None:
     assert named == {path.name for path in CONFIG.glob("*.yaml")} - {"simulation.yaml"}
 
 
-def parameter_names(kind: object, prefix: str = "") -> Iterator[str]:
-    for field in fields(kind):
-        value = getattr(kind, field.name)
-        if is_dataclass(value):
-            yield from parameter_names(value, f"{prefix}{field.name}.")
-        else:
-            yield prefix + field.name
-
-
 def test_every_parameter_named_exists() -> None:
-    parameters = pytest.importorskip("cfnav_ros.parameters", reason="needs ROS 2")
-    known = set(parameter_names(parameters.PolicyParameters()))
-    known |= set(parameter_names(parameters.LidarParameters()))
+    known = {name for name, _ in leaves(PolicyParameters())}
+    known |= {name for name, _ in leaves(LidarParameters())}
     named = set(re.findall(r"`((?:episode|disc|motion)\.[\w.]+)", TEXT))
     assert len(named) > 6
     assert named <= known

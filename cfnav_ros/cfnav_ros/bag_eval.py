@@ -22,6 +22,7 @@ from cfnav_core.whole import WriteError
 from cfnav_ros.bags.batch import Failed, evaluate_all
 from cfnav_ros.bags.episodes_file import read_episodes
 from cfnav_ros.bags.evaluation import Evaluation, Options, policy_of
+from cfnav_ros.bags.parameters_file import read_parameters
 from cfnav_ros.bags.reading import BagError, find_bags
 from cfnav_ros.bags.results import result_files
 from cfnav_ros.bags.roles import parse_topics
@@ -49,6 +50,9 @@ class BagEvalConfig:
     """ROLE:=NAME of a topic that has another name than usual, again for each; what is not named is
     found by name or type. Roles: image, scan, odom, cmd_vel, hazards, joint_states, tf, tf_static,
     decision, episode, estimate, truth, map, clock."""
+    params: Path | None = None
+    """The robot's ROS parameter file: limits, LiDAR and topics are those that it names, all others
+    the nodes' defaults."""
     episodes: Path | None = None
     """YAML or CSV file of the drives that no policy node told of: bag, start, end (s), goal, and
     if known goal_x, goal_y (m in the odometry frame), reached."""
@@ -64,7 +68,7 @@ def run(config: BagEvalConfig) -> int:
         BagError: there is no bag.
         WriteError: a result cannot be written.
     """
-    bags, options = find_bags(config.bags), _options(config)
+    bags, options = find_bags(config.bags), options_of(config)
     results = evaluate_all(bags, options, config.jobs)
     done = [result for result in results if isinstance(result, Evaluation)]
     failed = [result.reason for result in results if isinstance(result, Failed)]
@@ -110,13 +114,28 @@ def _line(scores: BundleScores) -> str:
     return f"{line}; {own.equal} of {own.decisions} decisions reproduced" if own.decisions else line
 
 
-def _options(config: BagEvalConfig) -> Options:
+def options_of(config: BagEvalConfig) -> Options:
+    """How the bags are to be evaluated.
+
+    Raises:
+        ValueError: a topic, a file or a bundle cannot be used; one sentence.
+    """
     folders = [str(path) for path in config.bundle] or [""]
     bundles = dict(zip(_names(folders), folders, strict=True)) if config.replay else {}
     for folder in bundles.values():
         policy_of(folder)  # one that cannot be used is told before hours are spent
     rows = read_episodes(config.episodes) if config.episodes else ()
-    return Options(bundles=bundles, topics=parse_topics(config.topic), rows=rows)
+    topics = parse_topics(config.topic)
+    if config.params is None:
+        return Options(bundles=bundles, topics=topics, rows=rows)
+    robot = read_parameters(config.params)
+    if robot.image_topic:
+        topics = {"image": robot.image_topic, **topics}
+    return Options(
+        bundles=bundles, topics=topics, rows=rows, lidar=robot.lidar,
+        mount_given=robot.mount_given, limits=robot.policy.episode,
+        tilt_joint=robot.policy.tilt_joint,
+    )  # fmt: skip
 
 
 def _names(folders: Sequence[str]) -> list[str]:

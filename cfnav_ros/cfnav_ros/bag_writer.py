@@ -13,10 +13,12 @@ from contextlib import suppress
 from pathlib import Path
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2.enums import CompressionFormat
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
+
+from cfnav_ros.mcap_storage import CheckedWriter
 
 
 def typestore_with(packages: Iterable[Path]) -> Typestore:
@@ -73,9 +75,9 @@ class BagWriter:
         self._typestore = typestore
         self.partial.mkdir(parents=True)
         # rosbags names the file after its folder, so the folder has its final name from the start.
-        self._writer = Writer(
+        self._writer = CheckedWriter(
             self.partial / path.name,
-            version=Writer.VERSION_LATEST,
+            version=CheckedWriter.VERSION_LATEST,
             storage_plugin=StoragePlugin.MCAP,
         )
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)

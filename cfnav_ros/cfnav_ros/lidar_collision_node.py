@@ -1,7 +1,7 @@
 """LaserScan -> CollisionEstimate: would MoveAhead collide?
 
 Run it with ``python -m cfnav_ros.lidar_collision_node``; its parameters are those of
-``parameters.LidarParameters``.
+``scan_watch.LidarParameters``.
 """
 
 from __future__ import annotations
@@ -21,14 +21,12 @@ from tf2_msgs.msg import TFMessage
 from cfnav_ros import conversions
 from cfnav_ros.lidar import Estimate, Verdict, blind
 from cfnav_ros.lidar_diagnostics import ScanStats
-from cfnav_ros.mounting import Mounting, told
+from cfnav_ros.mounting import MOUNT, Mounting, told
 from cfnav_ros.node_process import run_node
-from cfnav_ros.parameters import LidarParameters, declare
-from cfnav_ros.scan_watch import GRAPH_S, ScanWatch
+from cfnav_ros.parameters import declare
+from cfnav_ros.scan_watch import GRAPH_S, LidarParameters, ScanWatch
 
 NAME = "lidar_collision_node"
-
-MOUNT = ("disc.mount_x", "disc.mount_y", "disc.mount_yaw_deg")
 
 LEVELS = {
     Verdict.GOOD: DiagnosticStatus.OK,

@@ -12,6 +12,9 @@ from cfnav_ros.returns import Mount, Scan, beams, measured
 
 SOURCES = ("auto", "tf", "parameters")
 
+MOUNT = ("disc.mount_x", "disc.mount_y", "disc.mount_yaw_deg")
+"""Parameters that say where the LiDAR sits."""
+
 AGREE_M, AGREE_DEG = 0.02, 3.0
 """TF and parameters that differ by no more say the same."""
 

@@ -41,7 +41,8 @@ from cfnav_ros.goals import Goal, Goals
 from cfnav_ros.lock_step import LOST_S, Answer, LockStep
 from cfnav_ros.motion import STOP
 from cfnav_ros.node_process import run_node
-from cfnav_ros.parameters import PolicyParameters, declare
+from cfnav_ros.parameters import declare
+from cfnav_ros.policy_parameters import PolicyParameters
 from cfnav_ros.senses import Senses
 from cfnav_ros.velocity import Velocity
 

@@ -17,8 +17,8 @@ from sensor_msgs.msg import Image, JointState
 from cfnav_ros import conversions
 from cfnav_ros.diagnostics import Rate
 from cfnav_ros.inputs import Inputs, needed
-from cfnav_ros.parameters import PolicyParameters
 from cfnav_ros.picture_watch import PictureWatch
+from cfnav_ros.policy_parameters import PolicyParameters
 from cfnav_ros.preflight import BaseCheck, explain_silence
 
 

@@ -15,7 +15,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from cfnav_ros import conversions
 from cfnav_ros.motion import STOP, Command
-from cfnav_ros.parameters import PolicyParameters
+from cfnav_ros.policy_parameters import PolicyParameters
 from cfnav_ros.preflight import STAMPED, UNSTAMPED, BaseCheck, Endpoint, check_base
 
 CHECK_S = 0.5

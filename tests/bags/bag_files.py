@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from cfnav_ros.bag_writer import typestore_with
+from cfnav_ros.bag_writer import BagWriter, typestore_with
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
@@ -310,6 +310,17 @@ def write(
     return path
 
 
+def record(path: Path, messages: Sequence[Message]) -> Path:
+    """Write a bag as our own recorder does."""
+    writer = BagWriter(path, STORE)
+    for topic, kind in dict.fromkeys((m.topic, m.type) for m in messages):
+        writer.add_topic(topic, kind)
+    for message in messages:
+        writer.write(message.topic, message.log_ns, message.cdr)
+    writer.close()
+    return path
+
+
 def write_mcap(
     path: Path,
     messages: Sequence[Message],
@@ -364,6 +375,7 @@ MCAP, SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
 NONE, BY_FILE, BY_MESSAGE = CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE
 
 VARIANTS: dict[str, Callable[[Path, Sequence[Message]], Path]] = {
+    "recorded": record,
     "mcap": lambda path, said: write(path, said),
     "mcap zstd storage": lambda path, said: write(path, said, MCAP, CompressionMode.STORAGE),
     "mcap zstd message": lambda path, said: write(path, said, MCAP, BY_MESSAGE),

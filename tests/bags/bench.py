@@ -10,6 +10,7 @@ import json
 import os
 import platform
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ class BagBenchConfig:
     out: Path = Path("out/bench")
     """Folder of the results."""
     bag: Path = Path("out/demo/bag")
-    """A recorded demo drive, for the speed."""
+    """A recorded demo drive, for the speed; it is driven when it is not there."""
     only: str = ""
     """Parts to measure, comma-separated: speed, agreement, fuzz; empty: all."""
 
@@ -39,7 +40,8 @@ def _speed(config: BagBenchConfig) -> dict[str, Any]:
     from tests.bags.speed import SpeedConfig, measure
 
     if not config.bag.exists():
-        raise GraphError(f"{config.bag} does not exist; record a drive with make demo")
+        demo = [sys.executable, "-m", "cfnav_ros.demo", "--out", str(config.bag.parent)]
+        subprocess.run(demo, check=True)
     found = measure(SpeedConfig(config.bag))
     keys = ("replay_real_time_factor", "read_ratio_to_rosbags", "decode_ratio_to_rosbags")
     return {**{key: found[key] for key in keys}, "speed": found}

@@ -33,7 +33,7 @@ from tests.bags.plain_events import read
 PATIENCE_S = 30
 """A bag of two seconds that takes longer hangs: whole it takes a tenth of a second."""
 
-CHECKED = ("mcap chunks", "mcap chunks lz4", "mcap chunks plain")
+CHECKED = ("recorded", "mcap chunks", "mcap chunks lz4", "mcap chunks plain")
 """Kinds of bags whose chunks have checksums."""
 
 

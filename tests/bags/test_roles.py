@@ -69,6 +69,13 @@ def test_without_a_usual_name_the_type_tells_and_most_messages_win():
     assert set(roles.missing) == set(ROLES) - {"odom"}
 
 
+def test_a_name_without_a_slash_stands_in_any_namespace_unless_it_is_there_exactly():
+    topics = (Topic("/r1/wheels", ODOM, 3), Topic("/wheels", ODOM, 1))
+    assert names(*topics, odom="wheels") == {"odom": "/wheels"}
+    assert names(topics[0], odom="wheels") == {"odom": "/r1/wheels"}
+    assert names(topics[0], odom="/wheels") == {}
+
+
 def test_an_empty_topic_loses_whatever_its_name():
     topics = (Topic("/cmd_vel", STAMPED, 0), Topic("/cmd_vel_unstamped", TWIST, 4))
     assert names(*topics) == {"cmd_vel": "/cmd_vel_unstamped"}

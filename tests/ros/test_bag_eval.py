@@ -10,8 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from cfnav_ros.bag_eval import BagEvalConfig, options_of
 from cfnav_ros.bag_writer import BagWriter, typestore_with
 from cfnav_ros.bags.evaluation import Options, evaluate
+from cfnav_ros.bags.reading import Bag
 
 from cfnav_core.actions import Action
 
@@ -120,6 +122,25 @@ def test_a_file_within_the_folder_reads_the_same(bag: Path) -> None:
     assert outcomes[0] == outcomes[1]
 
 
+def test_the_robot_s_parameter_file_tells_how_it_decided(bag: Path, tmp_path: Path) -> None:
+    params = tmp_path / "robot.yaml"
+    params.write_text(
+        "policy_node: {ros__parameters: {image_topic: front/image}}\n"
+        "lidar_collision_node: {ros__parameters: {disc: {mount_x: 0.2}}}\n"
+    )
+    options = options_of(BagEvalConfig((bag,), replay=False, params=params, topic=("odom:=o",)))
+    assert options.topics == {"image": "front/image", "odom": "o"}
+    assert (options.lidar.disc.mount_x, options.mount_given) == (0.2, True)
+    done = bag_eval(bag, "--no-replay", "--params", params, "--out", tmp_path / "out")
+    assert done.returncode == 0
+    assert "front/image that was given for image is not in the bag" in done.stderr
+    params.write_text("policy_node: {ros__parameters: {vetoes: 1}}")
+    done = bag_eval(bag, "--params", params, "--out", tmp_path / "none")
+    assert done.returncode == 2
+    assert "There is no parameter 'vetoes'" in done.stderr
+    assert not (tmp_path / "none").exists()
+
+
 def test_what_is_no_bag_ends_with_one_sentence(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "cfnav_ros.bag_eval", str(tmp_path / "nothing")]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -141,6 +162,21 @@ def test_a_bag_has_its_name_only_when_it_is_closed(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["bag"]
     with pytest.raises(FileExistsError, match="exists already"):
         BagWriter(path, typestore_with([]))
+
+
+def test_what_a_recording_that_is_given_up_holds_can_be_read(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag", typestore_with([]))
+    writer.add_topic("/heard", "std_msgs/msg/Empty")
+    writer.add_topic("/silent", "std_msgs/msg/Empty")
+    for t_ns in range(3):
+        writer.write("/heard", t_ns, b"\x00\x01\x00\x00\x00")
+    writer.leave()
+    with Bag(tmp_path / "bag.partial/bag") as bag:
+        assert [(raw.topic.name, raw.log_ns) for raw in bag.messages()] == [
+            ("/heard", t_ns) for t_ns in range(3)
+        ]
+        assert bag.unchecked == 0
+    assert any("broke off" in note for note in bag.notes)
 
 
 def test_an_aborted_bag_leaves_nothing(tmp_path: Path) -> None:

@@ -18,8 +18,10 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make s
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from cfnav_ros.bringup import Part, Robot, Simulation, parameter_file, parts, unreachable  # noqa: E402
-from cfnav_ros.parameters import LidarParameters, PolicyParameters, declare  # noqa: E402
+from cfnav_ros.parameters import declare  # noqa: E402
+from cfnav_ros.policy_parameters import PolicyParameters  # noqa: E402
 from cfnav_ros.processes import GraphError  # noqa: E402
+from cfnav_ros.scan_watch import LidarParameters  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402

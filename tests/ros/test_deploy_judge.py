@@ -9,8 +9,9 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-from cfnav_ros.parameters import LidarParameters, PolicyParameters  # noqa: E402
 from cfnav_ros.policy_node import GUARD_PERIOD_S  # noqa: E402
+from cfnav_ros.policy_parameters import PolicyParameters  # noqa: E402
+from cfnav_ros.scan_watch import LidarParameters  # noqa: E402
 from cfnav_ros.velocity import CHECK_S  # noqa: E402
 from sim_bridge.faults import FAULTS  # noqa: E402
 

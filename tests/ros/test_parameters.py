@@ -8,12 +8,10 @@ pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
-from cfnav_ros.parameters import (  # noqa: E402
-    OF_RCLPY,
-    LidarParameters,
-    PolicyParameters,
-    declare,
-)
+from cfnav_ros.parameters import declare  # noqa: E402
+from cfnav_ros.policy_parameters import PolicyParameters  # noqa: E402
+from cfnav_ros.scan_watch import LidarParameters  # noqa: E402
+from cfnav_ros.settings import OF_RCLPY  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 

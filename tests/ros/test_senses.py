@@ -9,7 +9,7 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make s
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from cfnav_ros.limits import EpisodeLimits  # noqa: E402
-from cfnav_ros.parameters import PolicyParameters  # noqa: E402
+from cfnav_ros.policy_parameters import PolicyParameters  # noqa: E402
 from cfnav_ros.preflight import BaseCheck  # noqa: E402
 from cfnav_ros.senses import Senses  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402

@@ -119,7 +119,7 @@ def assign(
         if name is None:
             found = _candidates(wanted, topics)
         else:
-            found = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
+            found = _named(topics, name)
             note = _unfit(role, name, wanted, found)
             found = [t for t in found if t.type in wanted.types]
             notes += [note] if note and not found else []
@@ -141,6 +141,14 @@ def _candidates(wanted: Role, topics: Sequence[Topic]) -> list[Topic]:
         if topic.type in wanted.types and not any(word in topic.name for word in wanted.other)
     ]
     return [t for t in fitting if wanted.by_type or _place(wanted, t) < len(wanted.names)]
+
+
+def _named(topics: Sequence[Topic], name: str) -> list[Topic]:
+    """Topics with a name; one that begins without a slash may stand in any namespace."""
+    exact = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
+    if exact or name.startswith("/"):
+        return exact
+    return [t for t in topics if t.name.endswith("/" + name)]
 
 
 def _place(wanted: Role, topic: Topic) -> int:
