@@ -7,22 +7,18 @@ are left out keep the figures of an earlier run.
 
 from __future__ import annotations
 
-import json
 import os
-import platform
-import shlex
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import tyro
-from cfnav_ros.demo import commit, run_to_exit
-from cfnav_ros.processes import GraphError
+from cfnav_ros.demo import run_to_exit
 
-from cfnav_core.json_file import write_json
 from tests.deploy import matrix_report
+from tests.parts import measure_parts
 
 
 @dataclass(frozen=True)
@@ -85,49 +81,18 @@ PARTS: dict[str, Callable[[DeployConfig], dict[str, Any]]] = {
 }
 
 
-def chosen(only: str) -> list[str]:
-    """The parts that are asked for.
-
-    Raises:
-        GraphError: a part that does not exist.
-    """
-    names = [word.strip() for word in only.split(",") if word.strip()]
-    for name in names:
-        if name not in PARTS:
-            raise GraphError(f"--only names {name!r}, expected parts of {', '.join(PARTS)}")
-    return names or list(PARTS)
-
-
 def measure(config: DeployConfig) -> dict[str, Any]:
-    """Measure the parts and write the results after each.
+    """Measure the parts and write the results after each; see ``measure_parts``."""
 
-    Raises:
-        GraphError: a part could not be measured.
-    """
-    path = config.out / "deploy.json"
-    found: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
-    measured = found.setdefault("measured", {})
-    for name in chosen(config.only):
-        load = os.getloadavg()[0]
-        found |= PARTS[name](config)
-        measured[name] = {
-            "commit": _commit(name, found),
-            "command": shlex.join(["python", "-m", "tests.deploy.bench", *sys.argv[1:]]),
-            "load_before": round(load, 2),
-            "load_after": round(os.getloadavg()[0], 2),
-            "cores": os.cpu_count(),
-            "machine": platform.machine(),
-        }
-        write_json(path, found)
+    def after(name: str, found: dict[str, Any]) -> None:
+        if name == "matrix":  # its rows grow over several calls
+            commits = {name for cell in found["fault_matrix"] for name in cell["commits"]}
+            found["measured"][name]["commit"] = ", ".join(sorted(commits))
         (config.out / "deploy.md").write_text(page(found))
-    return found
 
-
-def _commit(part: str, found: dict[str, Any]) -> str:
-    """What was measured: today's commit, or those of the rows, which grow over several calls."""
-    if part != "matrix":
-        return commit()
-    return ", ".join(sorted({name for cell in found["fault_matrix"] for name in cell["commits"]}))
+    parts = {name: partial(part, config) for name, part in PARTS.items()}
+    path = config.out / "deploy.json"
+    return measure_parts(path, "tests.deploy.bench", parts, config.only, after)
 
 
 def page(found: dict[str, Any]) -> str:
