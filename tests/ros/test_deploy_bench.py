@@ -32,6 +32,7 @@ from tests.deploy.pool import _Lab  # noqa: E402
 from tests.deploy.reactions import (  # noqa: E402
     Phase,
 )
+from tests.parts import measure_parts  # noqa: E402
 from tests.ros.truth_samples import PAUSE, STEP, TURN, cell, drive  # noqa: E402
 
 # Files and figures
@@ -120,9 +121,25 @@ def test_drives_that_fail_are_told_beside_the_figures(tmp_path, monkeypatch):
     assert found["forward_cm"]["n"] == 1
 
 
-def test_the_commit_of_the_matrix_is_that_of_its_rows():
+def test_the_commit_of_the_matrix_is_that_of_its_rows(tmp_path, monkeypatch):
     cells = [{"commits": ["abc1"]}, {"commits": ["abc1", "def2"]}]
-    assert bench._commit("matrix", {"fault_matrix": cells}) == "abc1, def2"
+    monkeypatch.setitem(bench.PARTS, "matrix", lambda config: {"fault_matrix": cells})
+    monkeypatch.setattr(matrix_report, "table", lambda cells: "a table")
+    found = bench.measure(bench.DeployConfig(tmp_path, only="matrix"))
+    assert found["measured"]["matrix"]["commit"] == "abc1, def2"
+    assert "a table" in (tmp_path / "deploy.md").read_text()
+
+
+def test_parts_that_are_left_out_keep_their_figures(tmp_path):
+    parts = {"a": lambda: {"one": 1}, "b": lambda: {"two": 2}}
+    path = tmp_path / "found.json"
+    measure_parts(path, "tests.bench", parts, " a, b")
+    parts["b"] = lambda: {"two": 3}
+    found = measure_parts(path, "tests.bench", parts, "b")
+    assert json.loads(path.read_text()) == found
+    assert (found["one"], found["two"]) == (1, 3)
+    assert set(found["measured"]) == {"a", "b"}
+    assert found["measured"]["b"]["command"].startswith("python -m tests.bench")
 
 
 def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
@@ -168,9 +185,8 @@ def test_drawn_motions_keep_within_reach_and_errors_are_told_from_rests():
 
 
 def test_a_part_that_does_not_exist_is_told():
-    assert bench.chosen(" motion, usage") == ["motion", "usage"]
     with pytest.raises(GraphError, match="--only names 'faults', expected parts of matrix"):
-        bench.chosen("faults")
+        bench.measure(bench.DeployConfig(only="motion, faults"))
 
 
 def test_memory_and_cpu_of_a_process_are_read_and_growth_is_told():
