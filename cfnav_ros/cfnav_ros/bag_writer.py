@@ -7,7 +7,6 @@ in the bag, so that it can be read anywhere.
 from __future__ import annotations
 
 import shutil
-from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -71,7 +70,6 @@ class BagWriter:
                 "holds, then remove it or choose another name"
             )
         self.path = path
-        self.counts: Counter[str] = Counter()
         self._typestore = typestore
         self.partial.mkdir(parents=True)
         # rosbags names the file after its folder, so the folder has its final name from the start.
@@ -93,7 +91,6 @@ class BagWriter:
     def write(self, topic: str, t_ns: int, cdr: bytes) -> None:
         """Append one serialized message; ``t_ns`` is its log time in nanoseconds."""
         self._writer.write(self._connections[topic], t_ns, cdr)
-        self.counts[topic] += 1
 
     def close(self) -> None:
         """Finish the bag and give it its name.

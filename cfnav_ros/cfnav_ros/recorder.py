@@ -1,14 +1,19 @@
 """Records the graph's topics into one MCAP bag.
 
 Raw subscriptions hand CDR bytes straight to the bag; nothing is decoded. Every picture is kept.
+Messages are written in the order in which they reached this process, not in that in which a busy
+executor takes them, topic by topic: the bag then tells who knew what when.
 """
 
 from __future__ import annotations
 
+import heapq
+import itertools
 import struct
 import threading
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -39,6 +44,9 @@ NODE_NAME = "recorder"
 
 CLOCK = "/clock"
 IMAGE = "oakd/rgb/preview/image_raw"
+
+HOLD_NS = 500_000_000
+"""Real time for which a message is held back, as one that arrived before it may be taken later."""
 
 DECIDE_S = 0.2
 """Real time between looks at the type of a topic that may have two."""
@@ -95,8 +103,8 @@ TOPICS = (
 class Recorder:
     """A node with its own thread that writes what it hears until it is closed.
 
-    Log times are those of ``/clock``, or 0 before its first message; on a robot, which has no such
-    topic, those of the system.
+    Log times are those of ``/clock`` when a message arrived, or 0 before its first one; on a robot,
+    which has no such topic, those of the system.
     """
 
     def __init__(
@@ -116,8 +124,10 @@ class Recorder:
         """
         shares = [get_package_share_path(name) for name in PACKAGES]
         self._writer = BagWriter(bag, typestore_with(shares))
-        self._clock_ns = 0
-        self._now_ns = time.time_ns if system_time else lambda: self._clock_ns
+        self._system_time, self._clock_ns = system_time, 0
+        self._held: list[tuple[int, int, str, bytes]] = []
+        self._order = itertools.count()
+        self._counts: Counter[str] = Counter()
         self._heard = threading.Condition()
         self._error: Exception | None = None
         self._node = Node(NODE_NAME, context=context)
@@ -138,12 +148,12 @@ class Recorder:
 
     @property
     def counts(self) -> Counter[str]:
-        """How many messages of each topic have been written, by resolved names."""
+        """How many messages of each topic have been heard, by resolved names."""
         self._raise_error()
-        return self._writer.counts.copy()
+        return self._counts.copy()
 
     def count(self, topic: str) -> int:
-        """Return how many messages of a topic have been written; the name as in ``TOPICS``."""
+        """Return how many messages of a topic have been heard; the name as in ``TOPICS``."""
         return self.counts[self._node.resolve_topic_name(topic)]
 
     def wait_for(self, topic: str, count: int, deadline_s: float = 10.0) -> bool:
@@ -174,17 +184,19 @@ class Recorder:
         """
         names = [(self._node.resolve_topic_name(topic.name), topic) for topic in self._undecided]
         self._stop()
-        if self._error is None:  # a bag has all topics, silent ones too
-            for name, topic in names:
-                self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
-        else:
+        if self._error is not None:
             self._writer.leave()
             raise self._error
+        self._write_held(None)
+        for name, topic in names:  # a bag has all topics, silent ones too
+            self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
         self._writer.close()
 
     def leave(self) -> Path:
         """Stop listening and leave what was written where it is; returns its folder."""
         self._stop()
+        with suppress(OSError):
+            self._write_held(None)
         self._writer.leave()
         return self._writer.partial
 
@@ -197,11 +209,10 @@ class Recorder:
         package, kind = topic.msgtype.split("/msg/")
         name = self._node.resolve_topic_name(topic.name)
         self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
-        write = self._write_clock if topic.name == CLOCK else self._write
         subscription = self._node.create_subscription(
             getattr(import_module(f"{package}.msg"), kind),
             topic.name,
-            lambda cdr: write(name, cdr),
+            lambda cdr, info: self._take(name, cdr, info["received_timestamp"]),
             _qos(topic),
             # Handlers of events that nobody reads would double the cost of every message.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
@@ -223,17 +234,26 @@ class Recorder:
                 self._undecided.remove(topic)
                 self._subscribe(replace(topic, msgtype=kind))
 
-    def _write_clock(self, name: str, cdr: bytes) -> None:
-        # After the 4 bytes of encapsulation: int32 seconds, uint32 nanoseconds.
-        order = "<" if cdr[1] & 1 else ">"
-        seconds, nanoseconds = struct.unpack_from(order + "iI", cdr, 4)
-        self._clock_ns = seconds * 1_000_000_000 + nanoseconds
-        self._write(name, cdr)
-
-    def _write(self, name: str, cdr: bytes) -> None:
-        self._writer.write(name, self._now_ns(), cdr)
+    def _take(self, name: str, cdr: bytes, received_ns: int) -> None:
+        """Hold a message back until what arrived before it has been taken."""
+        # some middlewares do not tell when it arrived
+        received_ns = received_ns or time.time_ns()
+        self._counts[name] += 1
+        heapq.heappush(self._held, (received_ns, next(self._order), name, cdr))
+        self._write_held(received_ns - HOLD_NS)
         with self._heard:
             self._heard.notify_all()
+
+    def _write_held(self, until_ns: int | None) -> None:
+        """Write what arrived before a system time, None for all, in the order of its arrival."""
+        while self._held and (until_ns is None or self._held[0][0] <= until_ns):
+            received_ns, _, name, cdr = heapq.heappop(self._held)
+            if name == CLOCK:
+                # After the 4 bytes of encapsulation: int32 seconds, uint32 nanoseconds.
+                order = "<" if cdr[1] & 1 else ">"
+                seconds, nanoseconds = struct.unpack_from(order + "iI", cdr, 4)
+                self._clock_ns = seconds * 1_000_000_000 + nanoseconds
+            self._writer.write(name, received_ns if self._system_time else self._clock_ns, cdr)
 
     def _spin(self) -> None:
         try:
