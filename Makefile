@@ -26,7 +26,7 @@ demo: setup ## Drive a simulated TurtleBot 4 to objects: ROOM=kitchen:25 GOALS=F
 	  $(if $(SEED),--seed $(SEED)) $(if $(SPEED),--speed $(SPEED)) --out $(OUT)
 
 test: setup-test ## Run the tests, the ROS graph included (TESTS=tests/ros for a part)
-	@$(ENV) CFNAV_REQUIRE_ROS=1 exec python -m pytest -m "not long" $(TESTS)
+	@$(ENV) exec scripts/test.sh $(TESTS)
 
 test-long: setup-test ## Run the tests that take minutes
 	@$(ENV) CFNAV_REQUIRE_ROS=1 exec python -m pytest -m long $(TESTS)
