@@ -48,6 +48,12 @@ IMAGE = "oakd/rgb/preview/image_raw"
 HOLD_NS = 500_000_000
 """Real time for which a message is held back, as one that arrived before it may be taken later."""
 
+QUEUE = 1000
+"""Messages of a topic that wait when the machine is busy: seconds even at many times real time."""
+
+PICTURES = 300
+"""The same of pictures, which are large."""
+
 DECIDE_S = 0.2
 """Real time between looks at the type of a topic that may have two."""
 
@@ -59,7 +65,7 @@ PACKAGES = ("cfnav_interfaces", "irobot_create_msgs")
 class Topic:
     """A topic to record.
 
-    ``latched``: the last message reaches late subscribers too. ``other``: a type that it may have
+    ``depth``: that with which a player of the bag should offer it. ``latched``: the last message reaches late subscribers too. ``other``: a type that it may have
     instead of ``msgtype``; the graph tells which.
     """
 
@@ -277,7 +283,7 @@ class Recorder:
 
 def _qos(topic: Topic) -> QoSProfile:
     return QoSProfile(
-        depth=topic.depth,
+        depth=PICTURES if topic.msgtype == "sensor_msgs/msg/Image" else QUEUE,
         reliability=ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=(
             DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
