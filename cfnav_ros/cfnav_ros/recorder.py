@@ -65,8 +65,9 @@ PACKAGES = ("cfnav_interfaces", "irobot_create_msgs")
 class Topic:
     """A topic to record.
 
-    ``depth``: that with which a player of the bag should offer it. ``latched``: the last message reaches late subscribers too. ``other``: a type that it may have
-    instead of ``msgtype``; the graph tells which.
+    ``depth``: that with which a player of the bag should offer it. ``latched``: the last message
+    reaches late subscribers too. ``other``: a type that it may have instead of ``msgtype``; the
+    graph tells which.
     """
 
     name: str
