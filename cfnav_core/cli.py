@@ -1,4 +1,4 @@
-"""The ``cfnav`` command: train, export, evaluate, compare."""
+"""The ``cfnav`` command: train, export, evaluate, benchmark."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
+from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.bundle import BundleHead, shipped_bundle
-from cfnav_core.config import Rooms, TrainOptions
+from cfnav_core.config import PHat, Rooms, TrainOptions
 from cfnav_core.data_cli import Data
 from cfnav_core.json_file import write_json
 
@@ -35,8 +36,9 @@ class Evaluate:
     """TYPE:FIRST-LAST or data2:test; names or splits of a store; every scene when absent."""
     sample: bool = False
     """Sample actions instead of taking the most probable one."""
-    p_hat: Literal["own", "true", "zero"] = "own"
-    """Collision probability: its own prediction, the true flag, or zero."""
+    p_hat: PHat = "own"
+    """Collision probability: its own prediction, zero, its own of another episode, or the true
+    flag."""
     against: Path | None = None
     """A second bundle or checkpoint on the same episodes: adds the paired difference."""
     json: Path | None = None
@@ -143,6 +145,7 @@ Command = (
     Annotated[Train, tyro.conf.subcommand("train"), tyro.conf.OmitArgPrefixes]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
     | Annotated[Info, tyro.conf.subcommand("info")]
     | Annotated[Data, tyro.conf.subcommand("data", description="Data sets: look, check, convert.")]
 )

@@ -17,6 +17,9 @@ MethodName = Literal[
 ModelName = Literal[
     "compact", "baseline_label", "baseline_word", "hoz", "lstde", "akgvp", "mjolnir", "tdanet"
 ]
+PHat = Literal["own", "zero", "shuffled", "true"]
+"""What a policy is given as collision probability at test: its own prediction, zero, its own
+prediction of another episode, or the true flag."""
 RewardName = Literal["baseline", "hoz", "layout", "mjolnir", "similarity"]
 
 

@@ -13,6 +13,7 @@ import torch
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.agent import TrainedAgent
 from cfnav_core.bundle import BundleHead
+from cfnav_core.config import PHat
 from cfnav_core.env import SceneBank
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_core.models import MODELS
@@ -83,7 +84,7 @@ class Episodes:
 
 def run_episodes(
     networks: Networks, bank: SceneBank, episodes: Episodes, sample_seed: int | None = None,
-    p_hat: str = "own",
+    p_hat: PHat = "own",
 ) -> list[EpisodeResult]:  # fmt: skip
     """Run all episodes side by side.
 
@@ -92,7 +93,7 @@ def run_episodes(
         bank: the scenes.
         episodes: starts and goals in them.
         sample_seed: draw actions with this seed; argmax when None.
-        p_hat: "own" prediction, "true" collision flag, or "zero".
+        p_hat: what the policy is given; see ``PHat``.
 
     Returns:
         Results with lengths in actions, Done included.
@@ -108,11 +109,16 @@ def run_episodes(
     rng = np.random.default_rng(sample_seed)
     for _ in range(int(limit.max())):
         at = where[alive]
-        given = {"own": None, "zero": np.zeros(len(at), np.float32),
-                 "true": bank.collided[at].astype(np.float32)}[p_hat]  # fmt: skip
         now = state.rows(alive)
         features, detections = bank.observe(torch.from_numpy(at))
         sight = Sight(features.cpu().numpy(), detections.cpu().numpy(), goals[alive], rooms[alive])
+        given = None
+        if p_hat == "zero":
+            given = np.zeros(len(at), np.float32)
+        elif p_hat == "true":
+            given = bank.collided[at].astype(np.float32)
+        elif p_hat == "shuffled":
+            given = rng.permutation(networks.predict(sight, now))
         pi, _ = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:
@@ -230,7 +236,7 @@ def _origin(head: dict[str, Any]) -> dict[str, Any]:
 
 def evaluate(
     path: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
-    p_hat: str = "own", rooms: Sequence[str] = (), frozen: Path | None = None,
+    p_hat: PHat = "own", rooms: Sequence[str] = (), frozen: Path | None = None,
 ) -> Evaluation:  # fmt: skip
     """Run a bundle or a checkpoint on frozen episodes: of a file, or drawn from a seed.
 

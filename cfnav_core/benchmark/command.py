@@ -1,0 +1,62 @@
+"""``cfnav benchmark``: the paper's tables on the built-in rooms, from nothing to figures."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from cfnav_core.benchmark.presets import PresetName
+
+TableName = Literal["I", "II", "III", "own"]
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Make the paper's tables: train what is missing, test it, put the paper's rows beside (torch).
+
+    For example: cfnav benchmark I II III --scenes out/rooms --out out/grid
+
+    Run it again to go on after a kill. Test rooms are looked at when every run is trained.
+    """
+
+    tables: Annotated[tuple[TableName, ...], tyro.conf.Positional] = ("I", "II", "III", "own")
+    """Tables of the paper, and rows of our own."""
+    scenes: Path = Path("out/rooms")
+    """All built-in rooms (python -m sim_bridge.dataset --out out/rooms)."""
+    out: Path = Path("out/grid")
+    """Folder of the runs and the results."""
+    seeds: int = 5
+    """Of each row."""
+    preset: PresetName = "small"
+    """Sizes and numbers: small for two cores, full as published, tiny to try the grid itself."""
+    model: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Only rows of this model, given as often as needed."""
+    train_only: bool = False
+    """Leave the test rooms alone."""
+    jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """Tasks side by side on this machine."""
+    ray: str = ""
+    """Address of a Ray cluster to use instead; local starts one here."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where runs live; auto takes a GPU when there is one."""
+    precision: Literal["highest", "high", "medium"] = "highest"
+    """Of multiplications, see cfnav train."""
+    episodes: Path = Path("docs/episodes")
+    """Folder of the frozen test episodes, data1_test.json and data2_test.json."""
+
+    def run_command(self) -> None:
+        """Train, test, write and print.
+
+        Raises:
+            ValueError: there is no such row, or tasks failed; one sentence.
+        """
+        # a robot has no torch, so it is imported only here
+        from cfnav_core.benchmark.run import run_benchmark
+
+        run_benchmark(self, shlex.join(["cfnav", *sys.argv[1:]]))

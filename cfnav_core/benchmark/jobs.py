@@ -1,0 +1,120 @@
+"""Training runs that the rows need: what identifies one, where it lies, what it waits for."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from cfnav_core.benchmark.presets import PRESETS, PresetName
+from cfnav_core.benchmark.rows import Row, Split
+from cfnav_core.config import MethodName, ModelName, RunConfig, TrainOptions
+from cfnav_core.methods import METHODS
+from cfnav_core.run import STAGE1
+
+SHARED_STAGE1: MethodName = "ours"
+"""Its stage one is that of every method without a rule of its own there: the predictor that it
+trains beside the policy reaches nobody in stage one."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a grid finds and puts things.
+
+    Attributes:
+        scenes: folder of the built-in scenes.
+        out: folder of the grid.
+    """
+
+    scenes: Path
+    out: Path
+
+    def knowledge(self, split: Split) -> Path:
+        """What models know of a split's training rooms."""
+        return self.out / f"knowledge_{split}.safetensors"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One training run.
+
+    Attributes:
+        perception: identity of what made the scenes' features.
+    """
+
+    model: ModelName
+    method: MethodName
+    split: Split
+    seed: int
+    preset: PresetName
+    perception: str
+
+    @property
+    def config(self) -> RunConfig:
+        """What is trained."""
+        run = PRESETS[self.preset].runs[self.model]
+        return replace(run, model=self.model, method=self.method, seed=self.seed)
+
+    @property
+    def hash(self) -> str:
+        """First 12 hex digits of the hash of everything that decides its numbers but the code."""
+        preset = PRESETS[self.preset]
+        about = {
+            "run": asdict(self.config), "split": self.split, "perception": self.perception,
+            "validations": [preset.validations, preset.validation_episodes],
+        }  # fmt: skip
+        text = json.dumps(about, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"{self.split}_{self.model}_{self.method}_seed{self.seed}_{self.hash}"
+
+    @property
+    def stage1(self) -> Job | None:
+        """The run whose stage one this one goes on from, None when it has its own."""
+        method, shared = METHODS[self.method], METHODS[SHARED_STAGE1]
+        alike = (shared.stage1, replace(shared.stage1, train_predictor=False))
+        if self.method == SHARED_STAGE1 or method.shared_encoder or method.stage1 not in alike:
+            return None
+        return replace(self, method=SHARED_STAGE1)
+
+    def options(self, places: Places) -> TrainOptions:
+        """How it is trained."""
+        config, preset = self.config, PRESETS[self.preset]
+        hp = config.hyperparameters
+        source = self.stage1
+        return TrainOptions(
+            scenes=places.scenes,
+            train_rooms=(f"{self.split}:train",),
+            validation_rooms=(f"{self.split}:validation",),
+            out=places.out / "runs" / self.name,
+            stage1=places.out / "runs" / source.name / STAGE1 if source else None,
+            run=config,
+            knowledge=places.knowledge(self.split),
+            validation_every=(hp.stage1_episodes + hp.stage2_episodes) // preset.validations,
+            validation_episodes=preset.validation_episodes,
+        )
+
+
+def jobs_of(rows: Iterable[Row], seeds: int, preset: PresetName, perception: str) -> list[Job]:
+    """The runs that rows need, each once, those that others wait for first.
+
+    Args:
+        rows: of the tables.
+        seeds: of each, from 0.
+        preset: of sizes and numbers.
+        perception: identity of the scenes' perception.
+    """
+    wanted: dict[Job, None] = {}
+    methods = dict.fromkeys((r.model, r.split, m) for r in rows for m in (r.method, r.against) if m)
+    for seed in range(seeds):
+        for model, split, method in methods:
+            job = Job(model, method, split, seed, preset, perception)
+            if job.stage1:
+                wanted[job.stage1] = None
+            wanted[job] = None
+    return sorted(wanted, key=lambda job: (job.seed, job.stage1 is not None))

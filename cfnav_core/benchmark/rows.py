@@ -1,0 +1,126 @@
+"""The rows of the paper's tables, and rows of our own beside them. Plain data.
+
+Source: Tables I to III and the sections that describe them. Numbers are percent, mean and standard
+deviation over five trials.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from cfnav_core.config import MethodName, ModelName, PHat
+
+Split = Literal["data1", "data2"]
+
+
+@dataclass(frozen=True)
+class Published:
+    """What the paper says of a row, percent.
+
+    Attributes:
+        cf_sr: mean CF-SR and its standard deviation.
+        cf_spl: mean CF-SPL and its standard deviation.
+    """
+
+    cf_sr: tuple[float, float]
+    cf_spl: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table.
+
+    Attributes:
+        table: "I", "II" or "III" as in the paper, "own" for those that it lacks.
+        name: "ours (MODEL)" for the paper's method.
+        model: row of ``MODELS``. method: row of ``METHODS``. split: row of ``SPLITS``.
+        paper: what the paper says, None for rows of our own.
+        p_hat: what the policy is given at test in place of its own prediction.
+        against: method of the row that the gain is over, in the same model and split.
+    """
+
+    table: str
+    name: str
+    model: ModelName
+    method: MethodName
+    split: Split
+    paper: Published | None = None
+    p_hat: PHat = "own"
+    against: MethodName | None = None
+
+
+PAIRS: tuple[tuple[ModelName, Split, Published, Published], ...] = (
+    ("baseline_label", "data1", Published((55.8, 2.7), (32.2, 1.8)),
+     Published((59.3, 1.0), (33.1, 1.5))),
+    ("hoz", "data1", Published((58.1, 0.9), (33.2, 0.5)), Published((60.2, 1.3), (34.1, 0.7))),
+    ("lstde", "data1", Published((60.0, 0.4), (34.0, 1.1)), Published((65.3, 0.6), (35.9, 0.9))),
+    ("akgvp", "data1", Published((70.5, 0.7), (40.4, 0.8)), Published((74.4, 0.7), (41.6, 0.5))),
+    ("baseline_word", "data2", Published((27.1, 1.1), (8.4, 0.4)),
+     Published((30.1, 0.7), (9.5, 0.1))),
+    ("mjolnir", "data2", Published((47.2, 4.1), (17.9, 2.1)), Published((55.8, 5.0), (21.0, 2.3))),
+    ("tdanet", "data2", Published((53.5, 1.5), (23.4, 1.2)), Published((60.5, 2.3), (25.8, 0.7))),
+)  # fmt: skip
+"""Table I: model and split, as it is and with the paper's method."""
+
+NAMES: dict[ModelName, str] = {
+    "baseline_label": "Baseline", "baseline_word": "Baseline", "hoz": "HOZ", "lstde": "L-sTDE",
+    "akgvp": "AKGVP", "mjolnir": "MJOLNIR-r", "tdanet": "TDANet",
+}  # fmt: skip
+"""Models by the names of the paper's tables."""
+
+COMPARED: tuple[tuple[str, str, MethodName, Published], ...] = (
+    ("II", "Reward", "reward", Published((61.2, 2.3), (34.2, 1.2))),
+    ("II", "Xiao et al.", "xiao", Published((61.5, 1.7), (34.2, 1.4))),
+    ("II", "Wu et al.", "wu", Published((61.6, 1.7), (34.4, 0.5))),
+    ("III", "Stage Only", "stage_only", Published((63.3, 0.5), (35.3, 0.2))),
+    ("III", "CP Only", "cp_only", Published((60.2, 1.3), (33.5, 1.3))),
+)
+"""Methods beside plain and ours, on L-sTDE and Offline Data 1."""
+
+GIVEN: tuple[PHat, ...] = ("zero", "shuffled", "true")
+"""In place of the policy's own prediction."""
+
+STUDIED: tuple[ModelName, Split] = ("lstde", "data1")
+"""What Tables II and III are about."""
+
+
+def _table1() -> list[Row]:
+    rows = []
+    for model, split, plain, ours in PAIRS:
+        name = NAMES[model]
+        rows.append(Row("I", name, model, "plain", split, plain))
+        rows.append(Row("I", f"ours ({name})", model, "ours", split, ours, against="plain"))
+    return rows
+
+
+def _studied(table: str) -> list[Row]:
+    model, split = STUDIED
+    _, _, plain, ours = next(pair for pair in PAIRS if pair[:2] == STUDIED)
+    between = [
+        Row(table, name, model, method, split, paper, against="plain")
+        for of, name, method, paper in COMPARED
+        if of == table
+    ]
+    name = NAMES[model]
+    return [
+        Row(table, name, model, "plain", split, plain),
+        *between,
+        Row(table, f"ours ({name})", model, "ours", split, ours, against="plain"),
+    ]
+
+
+def _own() -> list[Row]:
+    """What the probability is worth: ours with another one in its place, in every pair."""
+    rows = []
+    for model, split, *_ in PAIRS:
+        for p_hat in GIVEN:
+            name = f"ours ({NAMES[model]}), {p_hat} probability"
+            rows.append(Row("own", name, model, "ours", split, p_hat=p_hat, against="plain"))
+    model, split = STUDIED
+    name = f"Reward Only ({NAMES[model]})"
+    rows.append(Row("own", name, model, "reward_only", split, against="plain"))
+    return rows
+
+
+ROWS: tuple[Row, ...] = (*_table1(), *_studied("II"), *_studied("III"), *_own())

@@ -1,0 +1,103 @@
+"""From the rows of ``cfnav benchmark`` to tested runs and written tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cfnav_core.benchmark.command import Benchmark
+from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
+from cfnav_core.benchmark.jobs import Places, jobs_of
+from cfnav_core.benchmark.rows import ROWS, Row
+from cfnav_core.benchmark.tables import Bench, Figures, as_csv, as_json, as_markdown, figures_of
+from cfnav_core.benchmark.work import Task
+from cfnav_core.knowledge.command import KnowledgeCommand
+from cfnav_core.scenes import open_scenes
+from cfnav_core.whole import write_file
+
+
+def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
+    """Train what is missing, then test it, then write and print the tables.
+
+    Args:
+        options: of the command line.
+        command: as it was given, for the results.
+
+    Returns:
+        The rows; none when only training was asked for.
+
+    Raises:
+        ValueError: there is no such row, or tasks failed; one sentence.
+    """
+    rows = _chosen(options)
+    places = Places(options.scenes.resolve(), options.out.resolve())
+    for split in dict.fromkeys(row.split for row in rows):
+        if not places.knowledge(split).exists():
+            KnowledgeCommand(
+                places.scenes, places.knowledge(split), (f"{split}:train",)
+            ).run_command()
+    perception = open_scenes(places.scenes, ["kitchen:0"])[0].perception
+    bench = Bench(
+        places, options.episodes.resolve(), options.seeds, options.preset, perception, command
+    )
+    jobs = jobs_of(rows, options.seeds, options.preset, perception)
+    executor = _executor(options)
+    try:
+        run_tasks(
+            [Task(j, places, None, options.device, options.precision) for j in jobs], executor
+        )
+        if options.train_only:
+            return []
+        run_tasks(_tests(rows, bench), executor)
+    except GridError as error:
+        raise ValueError(str(error)) from error
+    finally:
+        executor.close()
+    found = [figures_of(row, bench, ROWS) for row in rows]
+    write_tables(found, places.out)
+    return found
+
+
+def _chosen(options: Benchmark) -> list[Row]:
+    rows = [
+        row for row in ROWS
+        if row.table in options.tables and (not options.model or row.model in options.model)
+    ]  # fmt: skip
+    if not rows:
+        raise ValueError(
+            f"found no row of {', '.join(options.model)} in tables {', '.join(options.tables)}; "
+            f"expected models among {', '.join(sorted({row.model for row in ROWS}))}"
+        )
+    return rows
+
+
+def _executor(options: Benchmark) -> Executor:
+    if not options.ray:
+        return Local(options.jobs)
+    # few have Ray
+    from cfnav_core.benchmark.ray_cluster import RayCluster
+
+    return RayCluster(options.ray)
+
+
+def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
+    """Every test that the rows need, each once."""
+    wanted: dict[Task, None] = {}
+    for row in rows:
+        for seed in range(bench.seeds):
+            job = bench.job(row, row.method, seed)
+            wanted[Task(job, bench.places, bench.test(row, row.p_hat))] = None
+            if row.against:
+                plain = bench.job(row, row.against, seed)
+                wanted[Task(plain, bench.places, bench.test(row, "own"))] = None
+    return list(wanted)
+
+
+def write_tables(found: Sequence[Figures], out: Path) -> None:
+    """Write the summary of all rows and a page of each table, and print the pages."""
+    write_file(out / "summary.json", as_json(found))
+    write_file(out / "summary.csv", as_csv(found))
+    for table in dict.fromkeys(f.table for f in found):
+        page = as_markdown([f for f in found if f.table == table])
+        write_file(out / f"table_{table}.md", page)
+        print(f"Table {table}\n\n{page}")

@@ -1,0 +1,46 @@
+"""Means over seeds, and intervals of paired differences over seeds and rooms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SAMPLES = 10_000
+
+
+def over_seeds(values: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of each seed's mean.
+
+    Args:
+        values: float [seeds, episodes].
+
+    Returns:
+        Mean, and the sample standard deviation (nan for one seed).
+    """
+    means = values.mean(1)
+    spread = float(means.std(ddof=1)) if len(means) > 1 else float("nan")
+    return float(means.mean()), spread
+
+
+def interval(difference: np.ndarray, rooms: np.ndarray, seed: int = 0) -> tuple[float, float]:
+    """95 % interval of a mean by a hierarchical bootstrap: seeds and rooms are drawn anew.
+
+    Every seed met the same episodes in the same rooms, so both are drawn independently and all
+    episodes of a drawn room go with it.
+
+    Args:
+        difference: float [seeds, episodes], paired by seed and episode.
+        rooms: [episodes], names or numbers of their rooms.
+        seed: of the resampling.
+
+    Returns:
+        Lower and upper bound.
+    """
+    _, index = np.unique(rooms, return_inverse=True)
+    seeds, count = len(difference), np.bincount(index)
+    sums = np.stack([np.bincount(index, row) for row in difference.astype(float)])
+    rng = np.random.default_rng(seed)
+    of_seeds = rng.multinomial(seeds, np.full(seeds, 1 / seeds), SAMPLES)
+    of_rooms = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), SAMPLES)
+    total = np.einsum("ns,sr,nr->n", of_seeds, sums, of_rooms, optimize=True)
+    low, high = np.percentile(total / (seeds * (of_rooms @ count)), (2.5, 97.5))
+    return float(low), float(high)

@@ -1,0 +1,95 @@
+"""Test episodes of a run: made once, kept episode by episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cfnav_core.config import PHat
+from cfnav_core.evaluate import evaluate
+from cfnav_core.run import BEST
+from cfnav_core.whole import whole, writing
+
+
+@dataclass(frozen=True)
+class TestOf:
+    """Which test.
+
+    Attributes:
+        p_hat: the probability that the policy is given.
+        frozen: file of the test episodes.
+    """
+
+    __test__ = False  # pytest takes it for one of its own
+
+    p_hat: PHat
+    frozen: Path
+
+    @property
+    def file(self) -> str:
+        """Name of its results in the run's folder."""
+        return f"{self.frozen.stem}_{self.p_hat}.npz"
+
+
+@dataclass(frozen=True)
+class Tested:
+    """Results of one run, episode by episode.
+
+    Attributes:
+        success: bool [N]. collisions: int64 [N].
+        path: float64 [N], actions, Done included. shortest: float64 [N].
+        rooms: [N], names of the rooms.
+        commit: of the code that trained it.
+        identity: of the episodes.
+    """
+
+    success: np.ndarray
+    collisions: np.ndarray
+    path: np.ndarray
+    shortest: np.ndarray
+    rooms: np.ndarray
+    commit: str
+    identity: str
+
+    @property
+    def cf_success(self) -> np.ndarray:
+        """float64 [N], S_i of Eq. 1."""
+        return (self.success & (self.collisions == 0)).astype(float)
+
+    @property
+    def cf_efficiency(self) -> np.ndarray:
+        """float64 [N], the terms of CF-SPL."""
+        return self.cf_success * self.shortest / np.maximum(self.path, self.shortest)
+
+    @classmethod
+    def load(cls, path: Path) -> Tested:
+        """Read what ``run_test`` wrote."""
+        with np.load(path, allow_pickle=False) as file:
+            found = dict(file.items())
+        return cls(**found | {name: str(found[name]) for name in ("commit", "identity")})
+
+
+def run_test(test: TestOf, folder: Path, scenes: Path) -> None:
+    """Test a run's best checkpoint.
+
+    Raises:
+        CheckpointError: it is missing or damaged.
+        SceneError: the scenes are not those of the run.
+        WriteError: the results cannot be written.
+    """
+    found = evaluate(folder / BEST, scenes, 0, 0, p_hat=test.p_hat, frozen=test.frozen)
+    results = found.results
+    path = folder / test.file
+    with writing(path), whole(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(
+            file,
+            success=np.array([r.success for r in results]),
+            collisions=np.array([r.collisions for r in results]),
+            path=np.array([r.path_length for r in results]),
+            shortest=np.array([r.shortest_path_length for r in results]),
+            rooms=found.rooms,
+            commit=np.array(found.what["commit"]),
+            identity=np.array(found.episodes.identity(found.bank)),
+        )

@@ -1,0 +1,107 @@
+"""One unit of work of a grid in a process of its own: ``python -m cfnav_core.benchmark.work TASK``.
+
+The task is a file, so that any machine that sees the grid's folder can do it, and it goes on where
+it was stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.benchmark.tested import TestOf, run_test
+from cfnav_core.json_file import write_json
+from cfnav_core.train import train
+
+DONE = "done.json"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be done.
+
+    Attributes:
+        job: the run.
+        places: of the grid.
+        test: test it instead of training it.
+        device, precision: see ``TrainOptions``.
+    """
+
+    job: Job
+    places: Places
+    test: TestOf | None = None
+    device: str = "auto"
+    precision: str = "highest"
+
+    @property
+    def folder(self) -> Path:
+        """Of the run."""
+        return self.job.options(self.places).out
+
+    @property
+    def name(self) -> str:
+        """In words, for people."""
+        job = self.job
+        what = f"test, {self.test.p_hat} p_hat" if self.test else "train"
+        return f"{job.split} {job.model} {job.method} seed {job.seed}: {what}"
+
+    @property
+    def result(self) -> Path:
+        """The file that says that it is done."""
+        return self.folder / (self.test.file if self.test else DONE)
+
+    @property
+    def ready(self) -> bool:
+        """Whether what it goes on from is there."""
+        if self.test:
+            return (self.folder / DONE).exists()
+        source = self.job.options(self.places).stage1
+        return source is None or source.exists()
+
+    def save(self) -> Path:
+        """Write it down for the process that does it."""
+        path = self.result.with_suffix(".task.json")
+        content: dict[str, Any] = asdict(self)
+        content["places"] = {k: str(v) for k, v in asdict(self.places).items()}
+        if self.test:
+            content["test"] = {k: str(v) for k, v in asdict(self.test).items()}
+        write_json(path, content)
+        return path
+
+    @classmethod
+    def load(cls, path: Path) -> Task:
+        """Read what ``save`` wrote."""
+        found = json.loads(path.read_text())
+        places = Places(**{k: Path(v) for k, v in found.pop("places").items()})
+        test = found.pop("test")
+        of = TestOf(test["p_hat"], Path(test["frozen"])) if test else None
+        return cls(job=Job(**found.pop("job")), places=places, test=of, **found)
+
+    def do(self) -> None:
+        """Train or test, and write the result."""
+        if self.test:
+            run_test(self.test, self.folder, self.places.scenes)
+            return
+        options = self.job.options(self.places)
+        options = replace(options, device=self.device, precision=self.precision)  # type: ignore[arg-type]
+        best = train(options)
+        write_json(self.result, {"config_hash": self.job.hash, "best": best.name})
+
+
+def main() -> None:
+    """Do the task of a file: 0 when it is done, 2 with a sentence when it cannot be."""
+    try:
+        Task.load(Path(sys.argv[1])).do()
+    except (ValueError, OSError) as error:
+        print(f"cfnav benchmark: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()
