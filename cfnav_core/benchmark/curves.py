@@ -1,0 +1,98 @@
+"""Learning curves: CF-SR in training rooms and in rooms never trained in, over episodes.
+
+The paper's figures: the methods of Table II, and those of the ablation. "Training" are the episodes
+of training itself, with drawn actions; "unseen" are the validation rooms with the most probable
+actions, as test rooms are looked at once and not along the way.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.run import LOG
+from cfnav_core.whole import whole, writing
+
+PANELS = {"cf_sr": "training rooms", "validation_cf_sr": "unseen rooms (validation)"}
+
+COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#0072b2")
+"""Of Okabe and Ito, told apart by colour-blind people too."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Over one run.
+
+    Attributes:
+        episodes: int64 [N], of each validation.
+        values: float64 [N] by name in the log.
+    """
+
+    episodes: np.ndarray
+    values: dict[str, np.ndarray]
+
+    @classmethod
+    def read(cls, job: Job, places: Places) -> Curve:
+        """The log of a run, that of the stage one which it goes on from before it.
+
+        Raises:
+            FileNotFoundError: the run was not made.
+        """
+        lines = _log(job, places)
+        if job.stage1:
+            until = job.config.hyperparameters.stage1_episodes
+            before = [line for line in _log(job.stage1, places) if line["episodes"] <= until]
+            lines = before + lines
+        return cls(
+            np.array([line["episodes"] for line in lines]),
+            {name: np.array([line[name] for line in lines]) for name in PANELS},
+        )
+
+
+def _log(job: Job, places: Places) -> list[dict[str, float]]:
+    path = job.options(places).out / LOG
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def draw_curves(
+    curves: Sequence[tuple[str, Sequence[Curve]]], stage1_episodes: int, path: Path
+) -> None:
+    """Draw methods beside one another: means over seeds, with bands of a standard deviation.
+
+    Args:
+        curves: names of methods, and the curves of their seeds.
+        stage1_episodes: where stage two begins.
+        path: PNG file.
+
+    Raises:
+        WriteError: the picture cannot be written.
+    """
+    with mpl.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
+        figure = Figure(figsize=(9, 3.6), layout="constrained")
+        axes = figure.subplots(1, 2, sharey=True)
+        for ax, (key, title) in zip(axes, PANELS.items(), strict=True):
+            for (name, seeds), colour in zip(curves, COLOURS, strict=False):
+                x, y = _together(seeds, key)
+                ax.plot(x / 1000, y.mean(0), color=colour, label=name, lw=1.5)
+                if len(y) > 1:
+                    low, high = y.mean(0) - y.std(0, ddof=1), y.mean(0) + y.std(0, ddof=1)
+                    ax.fill_between(x / 1000, low, high, color=colour, alpha=0.15, lw=0)
+            ax.axvline(stage1_episodes / 1000, color="0.6", lw=0.8, ls=":")
+            ax.set(title=title, xlabel="episodes, thousands", ylim=(0, 1))
+        axes[0].set_ylabel("CF-SR")
+        axes[0].legend(frameon=False, fontsize=8)
+        with writing(path), whole(path) as partial:
+            figure.savefig(partial, dpi=130, format="png")
+
+
+def _together(curves: Sequence[Curve], key: str) -> tuple[np.ndarray, np.ndarray]:
+    """Seeds at the same episodes: those of the first, the others' read between theirs."""
+    x = curves[0].episodes
+    return x, np.stack([np.interp(x, c.episodes, c.values[key]) for c in curves])

@@ -1,0 +1,94 @@
+"""The grid carries out what is missing, in order, and goes on where it stopped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cfnav_core.benchmark.grid import GridError, run_tasks
+from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.benchmark.tested import TestOf
+from cfnav_core.benchmark.work import Task
+from cfnav_core.run import STAGE1
+
+OURS = Job("lstde", "ours", "data1", 0, "tiny", "p")
+
+
+class Recorded:
+    """An executor that takes one look at a task and says how it ended."""
+
+    def __init__(self, slots: int = 2, fails: str = "") -> None:
+        self.slots, self.fails = slots, fails
+        self.begun: list[Task] = []
+        self.most = self.stopped = 0
+        self._running = 0
+
+    def start(self, task: Path, log: Path) -> Any:
+        read = Task.load(task)
+        self.begun.append(read)
+        self._running += 1
+        self.most = max(self.most, self._running)
+        return read
+
+    def poll(self, handle: Any) -> int | None:
+        self._running -= 1
+        if handle.job.method == self.fails:
+            return 2
+        (handle.folder / STAGE1).touch()
+        handle.result.touch()
+        return 0
+
+    def stop(self, handles: Any) -> None:
+        self.stopped += 1
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Places:
+    return Places(tmp_path / "rooms", tmp_path / "grid")
+
+
+def of(places: Places, *methods: str) -> list[Task]:
+    return [Task(replace(OURS, method=method), places) for method in methods]
+
+
+def test_tasks_wait_for_the_stage_one_that_they_go_on_from(places: Places) -> None:
+    executor = Recorded()
+    run_tasks(of(places, "plain", "reward", "ours", "stage_only"), executor)
+    begun = [task.job.method for task in executor.begun]
+    assert begun[:2] == ["reward", "ours"]
+    assert sorted(begun[2:]) == ["plain", "stage_only"]
+    assert executor.most == 2
+
+
+def test_what_is_done_is_not_done_again(places: Places) -> None:
+    tasks = of(places, "ours", "plain")
+    run_tasks(tasks, Recorded())
+    again = Recorded()
+    run_tasks(tasks, again)
+    assert again.begun == []
+
+
+def test_a_failure_is_told_and_the_rest_is_done(places: Places) -> None:
+    executor = Recorded(fails="ours")
+    with pytest.raises(GridError, match="1 tasks failed and 1 wait for such, the first is data1"):
+        run_tasks(of(places, "ours", "plain", "reward"), executor)
+    assert {task.job.method for task in executor.begun} == {"ours", "reward"}
+    assert executor.stopped == 1
+
+
+def test_a_task_survives_its_file(places: Places) -> None:
+    train = Task(OURS, places, None, "cpu", "medium")
+    train.folder.mkdir(parents=True)
+    assert Task.load(train.save()) == train
+    test = Task(OURS, places, TestOf("shuffled", Path("docs/data1_test.json")))
+    assert Task.load(test.save()) == test
+    assert test.result.name == "data1_test_shuffled.npz"
+    assert not test.ready
+    train.result.touch()
+    assert test.ready

@@ -1,0 +1,78 @@
+"""Which runs the rows need, what identifies them, and what they wait for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cfnav_core.benchmark.jobs import Job, Places, jobs_of
+from cfnav_core.benchmark.presets import MODELS, PRESETS
+from cfnav_core.benchmark.rows import PAIRS, ROWS
+from cfnav_core.rooms import SPLITS
+from cfnav_core.run import STAGE1
+
+PLACES = Places(Path("rooms"), Path("grid"))
+OURS = Job("lstde", "ours", "data1", 0, "small", "p")
+
+
+def test_the_tables_have_the_papers_rows() -> None:
+    tables = {name: [row for row in ROWS if row.table == name] for name in ("I", "II", "III")}
+    assert [len(rows) for rows in tables.values()] == [14, 5, 4]
+    assert len(PAIRS) == 7
+    for rows in tables.values():
+        assert all(row.paper for row in rows)
+        assert len({(row.name, row.split) for row in rows}) == len(rows)
+    ours = [row for row in tables["I"] if row.method == "ours"]
+    assert all(row.name.startswith("ours (") and row.against == "plain" for row in ours)
+
+
+def test_a_run_that_rows_share_is_made_once() -> None:
+    jobs = jobs_of(ROWS, 5, "small", "p")
+    assert len(set(jobs)) == len(jobs)
+    assert sum(j.model == "lstde" and j.method == "plain" for j in jobs) == 5
+    # 7 pairs with 2 methods, and reward, xiao, wu, stage_only, cp_only and reward_only
+    assert len(jobs) == 5 * (7 * 2 + 6)
+
+
+def test_what_is_waited_for_comes_first() -> None:
+    jobs = jobs_of(ROWS, 2, "small", "p")
+    for place, job in enumerate(jobs):
+        assert job.stage1 is None or job.stage1 in jobs[:place]
+
+
+@pytest.mark.parametrize(
+    ("method", "shares"),
+    [("ours", False), ("plain", True), ("stage_only", True), ("reward", False), ("xiao", False),
+     ("wu", False), ("cp_only", False), ("reward_only", False)],
+)  # fmt: skip
+def test_methods_share_a_stage_one_without_rules_of_its_own(method: str, shares: bool) -> None:
+    job = replace(OURS, method=method)
+    assert (job.stage1 == OURS) is shares
+    source = job.options(PLACES).stage1
+    assert source == (OURS.options(PLACES).out / STAGE1 if shares else None)
+
+
+def test_the_hash_tells_configurations_apart_and_names_do_not_change() -> None:
+    others = [
+        replace(OURS, seed=1), replace(OURS, method="plain"), replace(OURS, model="hoz"),
+        replace(OURS, split="data2"), replace(OURS, preset="full"), replace(OURS, perception="q"),
+    ]  # fmt: skip
+    assert len({job.hash for job in (OURS, *others)}) == 7
+    assert OURS.hash == replace(OURS).hash
+    assert OURS.name == f"data1_lstde_ours_seed0_{OURS.hash}"
+
+
+def test_rooms_are_those_of_the_split_and_test_rooms_stay_unseen() -> None:
+    options = OURS.options(PLACES)
+    assert (options.train_rooms, options.validation_rooms) == (
+        ("data1:train",), ("data1:validation",),
+    )  # fmt: skip
+    for split in SPLITS.values():
+        assert not set(split["test"]) & {*split["train"], *split["validation"]}
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_has_every_model(preset: str) -> None:
+    assert set(PRESETS[preset].runs) == set(MODELS) == {row.model for row in ROWS}
