@@ -85,6 +85,25 @@ class Rollout:
     collisions: int
 
 
+@dataclass
+class Unfed:
+    """What the predictor saw in a rollout whose policy reads no p_hat: predicted after it, at once.
+
+    Attributes:
+        state: [B, 4, H'], before the first step.
+        features, previous_action: of each step, see ``Seen``.
+    """
+
+    state: Tensor
+    features: list[Tensor]
+    previous_action: list[Tensor]
+
+    def predict(self, agent: Agent, ended: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits [T * B] and the next state, see ``CollisionPredictor.sequence``."""
+        features, actions = torch.cat(self.features), torch.cat(self.previous_action)
+        return agent.predictor.sequence(features, actions, self.state, ended)
+
+
 def collect_rollout(
     env: ObjectNavEnv, agent: Agent, memory: Memory, stage: Stage, length: int,
     generator: torch.Generator,
@@ -93,10 +112,14 @@ def collect_rollout(
     nothing = torch.zeros(env.batch, device=env.device)
     r = Rollout([], [], [], [], [], [], [], [], [], nothing, 0, 0, 0, 0)
     counts = torch.zeros(4, dtype=torch.int64, device=env.device)
+    unfed = Unfed(memory.predictor, [], []) if stage.predicts_for_nobody else None
     for _ in range(length):
         features, detections = env.observe()  # Alg. 1: acquire image I_t
         p_hat = nothing[:, None]
-        if stage.train_predictor or stage.feed_prediction:  # Alg. 1: predict collision p_hat_t
+        if unfed is not None:
+            unfed.features.append(features)
+            unfed.previous_action.append(memory.previous_action)
+        elif stage.train_predictor or stage.feed_prediction:  # Alg. 1: predict collision p_hat_t
             with torch.set_grad_enabled(stage.train_predictor):
                 logit, memory.predictor = agent.predictor(
                     features, memory.previous_action, memory.predictor
@@ -134,6 +157,9 @@ def collect_rollout(
         counts += torch.cat([happened, (env.collisions * ended).sum()[None]])
         env.restart(ended)
         memory.forget(ended)
+    if unfed is not None:
+        logit, memory.predictor = unfed.predict(agent, torch.stack(r.ended))
+        r.collision_logit.append(logit)
     r.bootstrap = _value_where(torch.ones_like(ended), env, agent, memory, p_hat)
     r.episodes, r.successes, r.collision_free, r.collisions = counts.tolist()
     return r

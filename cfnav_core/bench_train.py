@@ -38,7 +38,7 @@ from cfnav_core.models import MODELS, PUBLISHED, Knowledge
 from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.ranks import Ranks
 from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
-from cfnav_core.train import peak_memory_mb
+from cfnav_core.train import keep_freed_memory, peak_memory_mb
 
 SHAPES = {
     "full": ((512, 7, 7), 517, 22), "clip": ((2048, 7, 7), 517, 22), "boxes": ((512, 7, 7), 4, 101),
@@ -210,6 +210,7 @@ class Bench:
 
 def measure(row: Row, seconds: float) -> dict[str, Any]:
     """Steps per CPU-second and per second of a row, its multiplications and its peak memory."""
+    keep_freed_memory()
     torch.set_num_threads(1)
     torch.set_float32_matmul_precision(row.precision)
     if row.device == "cpu":  # a row that does not fit fails alone, and takes nobody along

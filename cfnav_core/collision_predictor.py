@@ -60,6 +60,25 @@ class CollisionPredictor(nn.Module):
         h2, c2 = self.upper.step(h1, state[:, 2], state[:, 3])
         return self.head(h2), torch.stack([h1, c1, h2, c2], 1)
 
+    def sequence(
+        self, features: Tensor, previous_action: Tensor, state: Tensor, ended: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """T steps at once, the same as ``forward`` step by step.
+
+        Args:
+            features: float32 [T * B, *features].
+            previous_action: float32 [T * B, 6].
+            state: float32 [B, 4, H'].
+            ended: bool [T, B], episodes that ended in a step: the next one starts from zeros.
+
+        Returns:
+            Logits of p_hat [T * B] and the state after the last step.
+        """
+        x = torch.cat([self.picture(features).flatten(1), self.action(previous_action)], 1)
+        x, h1, c1 = self.lower.sequence(x, state[:, 0], state[:, 1], ended)
+        x, h2, c2 = self.upper.sequence(x, state[:, 2], state[:, 3], ended)
+        return self.head(x)[:, 0], torch.stack([h1, c1, h2, c2], 1)
+
 
 def _encoder(features: Sequence[int]) -> nn.Module:
     """A vector is mixed by one layer; a map at each of its places, as the published networks do."""

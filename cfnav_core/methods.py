@@ -21,6 +21,11 @@ class Stage:
     feed_prediction: bool = False
     distance_shaping: float = 0.0
 
+    @property
+    def predicts_for_nobody(self) -> bool:
+        """The predictor learns, and the policy does not read it."""
+        return self.train_predictor and not self.feed_prediction
+
 
 @dataclass(frozen=True)
 class Method:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import resource
 import signal
 import time
@@ -23,6 +24,9 @@ from cfnav_core.env import ObjectNavEnv
 from cfnav_core.models.recurrent import weight_gradients_at_once
 from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
 from cfnav_core.workers import Workers
+
+KEPT = {-1: 2**31 - 1, -3: 32 << 20}
+"""M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of GNU's malloc.h, bytes: both the most it takes."""
 
 
 class Execution(Protocol):
@@ -93,6 +97,7 @@ def train(options: TrainOptions) -> Path:
     Raises:
         KeyboardInterrupt: SIGINT or SIGTERM ended the run, after a checkpoint.
     """
+    keep_freed_memory()
     torch.set_num_threads(options.threads)
     torch.set_float32_matmul_precision(options.precision)
     run = Run(options)
@@ -169,6 +174,18 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
 def _next(episodes: int, every: int) -> int:
     """The next multiple, so that a resumed run validates where it would have."""
     return (episodes // every + 1) * every
+
+
+def keep_freed_memory() -> None:
+    """Let this process keep what it frees, where the C library is GNU's; elsewhere do nothing.
+
+    A rollout takes as much as the one before it freed. Pages that go back to the system in between
+    are cleared and mapped again, which costs a small model a tenth of its time.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        for option, value in KEPT.items():
+            mallopt(option, value)
 
 
 def peak_memory_mb() -> float:

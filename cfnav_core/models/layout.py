@@ -67,8 +67,8 @@ def attention(prior: Tensor, added: Tensor, goal: Tensor) -> Tensor:
     Returns:
         Float32 [B, C]: P[:, goal] with P = counts / row sums + identity.
     """
-    counts = prior + added[:, None]
-    return (counts / counts.sum(2, keepdim=True) * goal[:, None]).sum(2) + goal
+    of_goal = (prior @ goal[:, :, None])[:, :, 0] + (added * goal).sum(1, keepdim=True)
+    return of_goal / (prior.sum(2) + added.sum(1, keepdim=True)) + goal
 
 
 def gap(prior: Tensor, before: Tensor, after: Tensor) -> Tensor:

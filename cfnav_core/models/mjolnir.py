@@ -32,6 +32,7 @@ class ObjectGraph(nn.Module):
     def __init__(self, adjacency: Tensor, words: Tensor, context: int, width: int) -> None:
         super().__init__()
         objects, node = len(words), len(words) + words.shape[1]
+        self.objects = objects
         self.adjacency = nn.Parameter(adjacency.clone())
         self.register_buffer("words", words, persistent=False)
         self.first = nn.Linear(node, node, bias=False)
@@ -52,12 +53,24 @@ class ObjectGraph(nn.Module):
         # A node's input is what is there, the same for all, beside its own word; multiplied apart,
         # and weights before adjacency, as that is half the work.
         presence, word = self.first.weight.split(list(self.words.shape), 1)
-        x = F.linear(context[:, :, 0], presence)[:, None] + F.linear(self.words, word)
-        x = torch.relu(self.adjacency @ x)
-        x = torch.relu(self.adjacency @ self.second(x))
-        x = torch.relu(self.adjacency @ self.third(x))
-        x = torch.relu(self.adjacency @ self.last(torch.cat([x, context], 2)))
-        return self.out(x[:, :, 0])
+        there = F.linear(context[:, :, 0], presence)
+        own = self.adjacency @ F.linear(self.words, word)
+        x = self.adjacency.sum(1, keepdim=True) @ there.view(1, -1)
+        x = torch.relu_(x.view(self.objects, -1, own.shape[1]) + own[:, None])
+        x = self._passed(self.second(x.flatten(0, 1)))
+        x = self._passed(self.third(x))
+        x = torch.cat([x, context.transpose(0, 1).flatten(0, 1)], 1)
+        x = self._passed(self.last(x))
+        return self.out(x.view(self.objects, -1).t())
+
+    def _passed(self, x: Tensor) -> Tensor:
+        """Along the edges, and ReLU: float32 [C * B, N] to the same shape.
+
+        Objects stand before episodes, so that both the layers and the adjacency multiply a matrix
+        as it lies in memory.
+        """
+        mixed = torch.relu_(self.adjacency @ x.view(self.objects, -1))
+        return mixed.view(-1, x.shape[1])
 
 
 class MjolnirR(NavModel):

@@ -45,7 +45,7 @@ class Picture(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """Float32 [B, F] or [B, F, n, n] to [B, channels, n, n]."""
-        return torch.relu(self.layer(features)).view(-1, self.channels, self.side, self.side)
+        return torch.relu_(self.layer(features)).view(-1, self.channels, self.side, self.side)
 
 
 class Fusion(nn.Module):
@@ -83,4 +83,4 @@ class Fusion(nn.Module):
             if part.ndim == 2:
                 part = part[:, :, None, None].expand(-1, -1, self.side, self.side)
             maps.append(part)
-        return self.dropout(torch.relu(self.pointwise(torch.cat(maps, 1)))).flatten(1)
+        return self.dropout(torch.relu_(self.pointwise(torch.cat(maps, 1)))).flatten(1)

@@ -25,11 +25,39 @@ class LSTMCell(nn.LSTMCell):
         Returns:
             The next h and c.
         """
+        return self._gated(F.linear(x, *self._weights()[:2]), x, h, c)
+
+    def sequence(
+        self, x: Tensor, h: Tensor, c: Tensor, ended: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """T steps whose inputs are all known; what the inputs bring is one product.
+
+        Args:
+            x: float32 [T * B, width].
+            h, c: float32 [B, H].
+            ended: bool [T, B], where nothing of h and c goes on after a step.
+
+        Returns:
+            Every h, float32 [T * B, H], and the last h and c.
+        """
+        given = F.linear(x, *self._weights()[:2]).unflatten(0, ended.shape)
+        hs = []
+        for each in zip(given.unbind(), x.unflatten(0, ended.shape).unbind(), ended, strict=True):
+            h, c = self._gated(*each[:2], h, c)
+            hs.append(h)
+            h, c = (rows.masked_fill(each[2][:, None], 0.0) for rows in (h, c))
+        return torch.cat(hs), h, c
+
+    def _weights(self) -> list[Tensor]:
+        """Weight and bias of the inputs, then of h; without gradient where a tape takes it."""
+        weights = [self.weight_ih, self.bias_ih, self.weight_hh, self.bias_hh]
+        taped = self._tape is not None and torch.is_grad_enabled()
+        return [w.detach() for w in weights] if taped else [*weights]
+
+    def _gated(self, given: Tensor, x: Tensor, h: Tensor, c: Tensor) -> tuple[Tensor, Tensor]:
+        """One step after the product of the inputs x, ``given`` [B, 4 H]."""
         tape = self._tape if torch.is_grad_enabled() else None
-        weights: list[Tensor] = [self.weight_ih, self.bias_ih, self.weight_hh, self.bias_hh]
-        if tape is not None:
-            weights = [w.detach() for w in weights]
-        gates = F.linear(x, *weights[:2]) + F.linear(h, *weights[2:])
+        gates = given + F.linear(h, *self._weights()[2:])
         if tape is not None:
             gates.requires_grad_()
             inputs = x.detach(), h.detach()

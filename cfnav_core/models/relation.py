@@ -29,7 +29,7 @@ class RelationEncoder(nn.Module):
         self, objects: int, appearance: int, info: int, code: int, side: int, mixes: int
     ) -> None:
         super().__init__()
-        self.side = side
+        self.objects, self.side = objects, side
         self.first = nn.Linear(info + 1, objects)
         self.mix = nn.ModuleList(nn.Linear(objects, objects) for _ in range(mixes))
         self.row = nn.Linear(appearance + info + code, 128)
@@ -50,16 +50,29 @@ class RelationEncoder(nn.Module):
         Returns:
             Float32 [B, C, n, n], of any sign.
         """
-        relation = torch.relu(self.first(torch.cat([rows.info, goal[:, :, None]], 2)))
-        relation = relation.transpose(1, 2)
-        for layer in self.mix:
-            relation = torch.relu(layer(relation))
-        appearance = relation.transpose(1, 2) @ rows.appearance
-        mixed, mark = torch.cat([appearance, rows.info], 2), goal
+        mixed, mark = (
+            torch.cat([self._relation(rows.info, goal) @ rows.appearance, rows.info], 2),
+            goal,
+        )
         if attention is not None:
             mixed, mark = mixed * attention[:, :, None], goal * attention
         # codes are long and stand in one row of many: their product is made once for all episodes
         weight, width = self.row.weight, mixed.shape[2]
-        coded = codes @ weight[:, width:].t()
-        hidden = F.linear(mixed, weight[:, :width], self.row.bias) + mark[:, :, None] * coded
-        return self.map(torch.relu(hidden)).unflatten(2, (self.side, self.side))
+        coded = mark @ (codes @ weight[:, width:].t())
+        hidden = F.linear(mixed.flatten(0, 1), weight[:, :width], self.row.bias)
+        episode = torch.arange(goal.shape[0], device=goal.device)
+        hidden.index_put_((self.objects * episode + goal.argmax(1),), coded, accumulate=True)
+        return self.map(torch.relu_(hidden)).view(-1, self.objects, self.side, self.side)
+
+    def _relation(self, info: Tensor, goal: Tensor) -> Tensor:
+        """How much each object takes of every other, float32 [B, C, C], not negative.
+
+        The mixing axis stands first, all others make the columns of one matrix: no layer has to
+        copy what the one before it wrote.
+        """
+        marked = torch.cat([info, goal[:, :, None]], 2).transpose(0, 1).flatten(0, 1)
+        relation = torch.relu_(self.first(marked)).view(self.objects, -1)
+        for layer in self.mix:
+            assert isinstance(layer, nn.Linear)
+            relation = torch.relu_(torch.addmm(layer.bias[:, None], layer.weight, relation))
+        return relation.view(self.objects, -1, self.objects).transpose(0, 1)

@@ -34,10 +34,13 @@ class TargetAttention(nn.Module):
         super().__init__()
         self.query = nn.Linear(word, KEY)
         self.key = nn.Linear(word, KEY)
-        self.place = nn.Sequential(nn.Linear(2 * context, KEY), nn.ReLU(), nn.Linear(KEY, 1))
-        self.value = nn.Sequential(
-            nn.Linear(context + 1, VALUE), nn.ReLU(), nn.Linear(VALUE, VALUE), nn.ReLU()
+        self.place = nn.Sequential(
+            nn.Linear(2 * context, KEY), nn.ReLU(inplace=True), nn.Linear(KEY, 1)
         )
+        self.value = nn.Sequential(
+            nn.Linear(context + 1, VALUE), nn.ReLU(inplace=True),
+            nn.Linear(VALUE, VALUE), nn.ReLU(inplace=True),
+        )  # fmt: skip
         self.width = VALUE + context
 
     def forward(
@@ -58,10 +61,24 @@ class TargetAttention(nn.Module):
         own = (context * goal[:, :, None]).sum(1)
         semantic = self.query(goal @ words) @ self.key(words).T / KEY**0.5
         pair = torch.cat([context, own[:, None].expand_as(context)], 2)
-        score = (semantic + self.place(pair)[:, :, 0]).masked_fill(there == 0, -1e9)
-        weight = torch.softmax(score, 1) * there
-        value = self.value(torch.cat([context, similarity[:, :, None]], 2))
-        return torch.cat([(weight[:, :, None] * value).sum(1), own], 1)
+        # layers get matrices: ReLU in place on a view of one would cost autograd copies
+        place = self.place(pair.flatten(0, 1)).view_as(there)
+        weight = torch.softmax((semantic + place).masked_fill(there == 0, -1e9), 1) * there
+        value = self.value(torch.cat([context, similarity[:, :, None]], 2).flatten(0, 1))
+        seen = weight[:, None] @ value.view(*there.shape, VALUE)
+        return torch.cat([seen[:, 0], own], 1)
+
+    def of_goal(self, context: Tensor, similarity: Tensor) -> Tensor:
+        """Encode a view that shows nothing but the goal: all attention is the goal's.
+
+        Args:
+            context: float32 [B, K], of the goal.
+            similarity: float32 [B, 1], of the goal's word to itself.
+
+        Returns:
+            Float32 [B, width], what ``forward`` would give.
+        """
+        return torch.cat([self.value(torch.cat([context, similarity], 1)), context], 1)
 
 
 class TDANet(NavModel):
@@ -102,6 +119,7 @@ class TDANet(NavModel):
         goal, similarity = seen.goal, seen.goal @ self.similarity
         rows = self.columns.read(seen.detections)
         now = self.encoder(rows.context, rows.detected, goal, self.words, similarity)
-        at_goal = self.encoder(goal[:, :, None] * self.found, goal, goal, self.words, similarity)
+        own = (goal * similarity).sum(1, keepdim=True)
+        at_goal = self.encoder.of_goal(self.found.expand(own.shape[0], -1), own)
         x = torch.cat([now, at_goal, now - at_goal, self.action(seen.previous_action)], 1)
         return self.policy(x, seen.collision_probability, state)

@@ -65,3 +65,27 @@ def test_steps_without_gradients_leave_nothing_behind():
     h, _ = cell.step(torch.randn(3, 4), torch.zeros(3, 5), torch.zeros(3, 5))
     h.sum().backward()
     assert cell.weight_ih.grad is not None
+
+
+@pytest.mark.parametrize("taped", [False, True])
+def test_a_sequence_of_predictions_equals_those_step_by_step(taped):
+    torch.manual_seed(0)
+    one = CollisionPredictor((256,), 8)
+    other = copy.deepcopy(one)
+    features, ended = torch.rand(STEPS, 3, 256), torch.rand(STEPS, 3) < 0.3
+    actions = torch.eye(6)[torch.randint(6, (STEPS, 3))]
+    start = memory = torch.randn(3, *one.state_shape)
+    logits = []
+    for t in range(STEPS):
+        logit, memory = one(features[t], actions[t], memory)
+        logits.append(logit[:, 0])
+        memory = memory.masked_fill(ended[t][:, None, None], 0.0)
+    (torch.cat(logits).square().sum() + memory.square().sum()).backward()
+    with weight_gradients_at_once(*([other] if taped else [])):
+        found, last = other.sequence(features.flatten(0, 1), actions.flatten(0, 1), start, ended)
+        (found.square().sum() + last.square().sum()).backward()
+    assert ended.any()
+    torch.testing.assert_close(found, torch.cat(logits))
+    torch.testing.assert_close(last, memory)
+    for (name, a), b in zip(one.named_parameters(), other.parameters(), strict=True):
+        torch.testing.assert_close(b.grad, a.grad, msg=name)
