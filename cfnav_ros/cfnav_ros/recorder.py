@@ -7,12 +7,11 @@ executor takes them, topic by topic: the bag then tells who knew what when.
 
 from __future__ import annotations
 
-import heapq
-import itertools
 import struct
 import threading
 import time
 from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -36,6 +35,7 @@ from rosbags.interfaces import (
 )
 
 from cfnav_ros import conversions
+from cfnav_ros.arrival_order import ArrivalOrder
 from cfnav_ros.bag_writer import BagWriter, typestore_with
 from cfnav_ros.preflight import STAMPED, UNSTAMPED, explain_silence
 
@@ -44,9 +44,6 @@ NODE_NAME = "recorder"
 
 CLOCK = "/clock"
 IMAGE = "oakd/rgb/preview/image_raw"
-
-HOLD_NS = 500_000_000
-"""Real time for which a message is held back, as one that arrived before it may be taken later."""
 
 QUEUE = 1000
 """Messages of a topic that wait when the machine is busy: seconds even at many times real time."""
@@ -132,8 +129,7 @@ class Recorder:
         shares = [get_package_share_path(name) for name in PACKAGES]
         self._writer = BagWriter(bag, typestore_with(shares))
         self._system_time, self._clock_ns = system_time, 0
-        self._held: list[tuple[int, int, str, bytes]] = []
-        self._order = itertools.count()
+        self._held: ArrivalOrder[tuple[str, bytes]] = ArrivalOrder()
         self._counts: Counter[str] = Counter()
         self._heard = threading.Condition()
         self._error: Exception | None = None
@@ -194,7 +190,7 @@ class Recorder:
         if self._error is not None:
             self._writer.leave()
             raise self._error
-        self._write_held(None)
+        self._write(self._held.rest())
         for name, topic in names:  # a bag has all topics, silent ones too
             self._writer.add_topic(name, topic.msgtype, [_bag_qos(topic)])
         self._writer.close()
@@ -203,7 +199,7 @@ class Recorder:
         """Stop listening and leave what was written where it is; returns its folder."""
         self._stop()
         with suppress(OSError):
-            self._write_held(None)
+            self._write(self._held.rest())
         self._writer.leave()
         return self._writer.partial
 
@@ -241,26 +237,23 @@ class Recorder:
                 self._undecided.remove(topic)
                 self._subscribe(replace(topic, msgtype=kind))
 
-    def _take(self, name: str, cdr: bytes, received_ns: int) -> None:
-        """Hold a message back until what arrived before it has been taken."""
+    def _take(self, name: str, cdr: bytes, arrived_ns: int) -> None:
         # some middlewares do not tell when it arrived
-        received_ns = received_ns or time.time_ns()
+        arrived_ns = arrived_ns or time.time_ns()
         self._counts[name] += 1
-        heapq.heappush(self._held, (received_ns, next(self._order), name, cdr))
-        self._write_held(received_ns - HOLD_NS)
+        self._write(self._held.take(arrived_ns, (name, cdr), time.monotonic_ns()))
         with self._heard:
             self._heard.notify_all()
 
-    def _write_held(self, until_ns: int | None) -> None:
-        """Write what arrived before a system time, None for all, in the order of its arrival."""
-        while self._held and (until_ns is None or self._held[0][0] <= until_ns):
-            received_ns, _, name, cdr = heapq.heappop(self._held)
+    def _write(self, messages: Iterable[tuple[int, tuple[str, bytes]]]) -> None:
+        """Write messages with the times of their arrival, ns of the system's clock."""
+        for arrived_ns, (name, cdr) in messages:
             if name == CLOCK:
                 # After the 4 bytes of encapsulation: int32 seconds, uint32 nanoseconds.
                 order = "<" if cdr[1] & 1 else ">"
                 seconds, nanoseconds = struct.unpack_from(order + "iI", cdr, 4)
                 self._clock_ns = seconds * 1_000_000_000 + nanoseconds
-            self._writer.write(name, received_ns if self._system_time else self._clock_ns, cdr)
+            self._writer.write(name, arrived_ns if self._system_time else self._clock_ns, cdr)
 
     def _spin(self) -> None:
         try:
