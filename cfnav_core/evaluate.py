@@ -82,9 +82,22 @@ class Episodes:
         return identity(self.freeze(bank))[:16]
 
 
+@dataclass(frozen=True)
+class Trace:
+    """One step of the episodes that were still going.
+
+    Attributes:
+        episodes: int64 [N], which ones. states: int64 [N], where they were. actions: int64 [N].
+    """
+
+    episodes: np.ndarray
+    states: np.ndarray
+    actions: np.ndarray
+
+
 def run_episodes(
     networks: Networks, bank: SceneBank, episodes: Episodes, sample_seed: int | None = None,
-    p_hat: PHat = "own",
+    p_hat: PHat = "own", trace: list[Trace] | None = None,
 ) -> list[EpisodeResult]:  # fmt: skip
     """Run all episodes side by side.
 
@@ -94,6 +107,7 @@ def run_episodes(
         episodes: starts and goals in them.
         sample_seed: draw actions with this seed; argmax when None.
         p_hat: what the policy is given; see ``PHat``.
+        trace: gets what happened at each step.
 
     Returns:
         Results with lengths in actions, Done included.
@@ -125,6 +139,8 @@ def run_episodes(
             action = (pi.cumsum(1) < rng.random((len(pi), 1))).sum(1).clip(max=NUM_ACTIONS - 1)
         now.previous_action = np.eye(NUM_ACTIONS, dtype=np.float32)[action]
         state.put(alive, now)
+        if trace is not None:
+            trace.append(Trace(np.flatnonzero(alive), at, action))
         done = action == Action.Done
         steps[alive] += 1
         collisions[alive] += (action == Action.MoveAhead) & bank.collided[at]

@@ -12,7 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cfnav_core.actions import Action
 from cfnav_core.env import SceneBank
+from cfnav_core.evaluate import Candidate, Episodes, Trace, run_episodes
+from cfnav_core.published.start_states import read_episodes
 from cfnav_core.whole import whole, writing
 
 CELL_M = 0.25
@@ -57,9 +60,67 @@ class Pair:
     after: Way
 
 
-def pair_of(bank: SceneBank, state: int, goal: int, before: Way, after: Way) -> Pair:
-    """The surroundings of an episode and how it was driven."""
+def find_pairs(before: Path, after: Path, scenes: Path, frozen: Path, count: int) -> list[Pair]:
+    """Drive frozen episodes with two policies and keep the most telling ones.
+
+    Args:
+        before, after: checkpoints.
+        scenes: folder of the scenes.
+        frozen: file of the episodes.
+        count: how many to keep, of different rooms: those in which the first collided most often
+            and the second reached the goal without a touch.
+
+    Raises:
+        ValueError: there is no such episode.
+    """
+    bank, episodes, ways = None, None, []
+    for path in (before, after):
+        candidate = Candidate.load(path)
+        starts = read_episodes(frozen)
+        bank = SceneBank.load(scenes, sorted({s.scene for s in starts}))
+        episodes = Episodes.thaw(bank, starts)
+        trace: list[Trace] = []
+        results = run_episodes(candidate.networks, bank, episodes, trace=trace)
+        ways.append((results, trace))
+    assert bank is not None
+    assert episodes is not None
+    (first, first_trace), (second, second_trace) = ways
+    chosen: dict[int, int] = {}
+    for n in sorted(range(len(first)), key=lambda n: -first[n].collisions):
+        room = int(bank.scene[episodes.states[n]])
+        if first[n].collisions and second[n].cf_success and room not in chosen:
+            chosen[room] = n
+    if not chosen:
+        raise ValueError(f"found no episode of {frozen} in which {before} collides and {after} not")
+    return [
+        _pair(bank, episodes, n, _way(bank, first_trace, n, first[n].success),
+              _way(bank, second_trace, n, second[n].success))
+        for n in list(chosen.values())[:count]
+    ]  # fmt: skip
+
+
+def _way(bank: SceneBank, trace: Sequence[Trace], episode: int, success: bool) -> Way:
+    """One episode of a trace."""
+    mine = [(step, int(np.flatnonzero(step.episodes == episode)[0])) for step in trace
+            if episode in step.episodes]  # fmt: skip
+    states = [int(step.states[row]) for step, row in mine]
+    actions = [int(step.actions[row]) for step, row in mine]
+    states.append(int(bank.next_state[states[-1], actions[-1]]))
+    ahead = np.array(actions) == Action.MoveAhead
+    return Way(
+        np.array([_place(bank, s) for s in states]), ahead & bank.collided[states[:-1]], success
+    )
+
+
+def _place(bank: SceneBank, state: int) -> np.ndarray:
+    """Of a state, metres."""
     k = int(bank.scene[state])
+    scene = bank.scenes[k]
+    return scene.positions[scene.position[state - bank.offsets[k]]]
+
+
+def _pair(bank: SceneBank, episodes: Episodes, n: int, before: Way, after: Way) -> Pair:
+    k, goal = int(bank.scene[episodes.states[n]]), int(episodes.goals[n])
     scene = bank.scenes[k]
     where = np.unique(scene.position[scene.visible[:, goal]])
     return Pair(
@@ -102,6 +163,12 @@ def _draw(ax: Axes, pair: Pair, way: Way) -> None:
     for (x, y), count in way.repeated().items():
         ax.scatter(x, y, s=90, facecolors="none", edgecolors="#d55e00", linewidths=1.5, zorder=4)
         if count > 1:
-            ax.annotate(f"\N{MULTIPLICATION SIGN}{count}", (x, y), (6, 6), textcoords="offset points", color="#d55e00")
+            ax.annotate(
+                f"\N{MULTIPLICATION SIGN}{count}",
+                (x, y),
+                (6, 6),
+                textcoords="offset points",
+                color="#d55e00",
+            )
     ax.set_aspect("equal")
     ax.set_axis_off()

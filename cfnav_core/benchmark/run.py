@@ -6,14 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cfnav_core.benchmark.command import Benchmark
+from cfnav_core.benchmark.curves import Curve, draw_curves
 from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Places, jobs_of
-from cfnav_core.benchmark.rows import ROWS, Row
+from cfnav_core.benchmark.paths import draw_paths, find_pairs
+from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
 from cfnav_core.benchmark.tables import Bench, Figures, as_csv, as_json, as_markdown, figures_of
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import KnowledgeCommand
+from cfnav_core.run import BEST
 from cfnav_core.scenes import open_scenes
 from cfnav_core.whole import write_file
+
+PATHS = 3
+"""Episodes in the path figure."""
 
 
 def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
@@ -55,6 +61,7 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
         executor.close()
     found = [figures_of(row, bench, ROWS) for row in rows]
     write_tables(found, places.out)
+    draw_figures(rows, bench)
     return found
 
 
@@ -101,3 +108,33 @@ def write_tables(found: Sequence[Figures], out: Path) -> None:
         page = as_markdown([f for f in found if f.table == table])
         write_file(out / f"table_{table}.md", page)
         print(f"Table {table}\n\n{page}")
+
+
+def draw_figures(rows: Sequence[Row], bench: Bench) -> None:
+    """Draw the learning curves of Tables II and III and the paths, as far as their rows are there.
+
+    The paths are of seed 0.
+    """
+    model, split = STUDIED
+    for table in ("II", "III"):
+        of = [row for row in rows if row.table == table]
+        if not of:
+            continue
+        curves = [
+            (row.name, [Curve.read(bench.job(row, row.method, seed), bench.places)
+                        for seed in range(bench.seeds)])
+            for row in of
+        ]  # fmt: skip
+        hp = bench.job(of[0], of[0].method, 0).config.hyperparameters
+        draw_curves(curves, hp.stage1_episodes, bench.places.out / f"curves_{table}.png")
+    studied = [row for row in rows if (row.model, row.split) == (model, split)]
+    ours = next((row for row in studied if row.method == "ours"), None)
+    if ours is not None:
+        before, after = (
+            bench.job(ours, method, 0).options(bench.places).out / BEST
+            for method in (ours.against, ours.method)
+            if method
+        )
+        frozen = bench.test(ours, "own").frozen
+        pairs = find_pairs(before, after, bench.places.scenes, frozen, PATHS)
+        draw_paths(pairs, (NAMES[model], ours.name), bench.places.out / "paths.png")
