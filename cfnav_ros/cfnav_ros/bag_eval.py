@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +22,7 @@ from cfnav_core.whole import WriteError
 from cfnav_ros.bags.batch import Failed, evaluate_all
 from cfnav_ros.bags.episodes_file import read_episodes
 from cfnav_ros.bags.evaluation import Evaluation, Options, policy_of
+from cfnav_ros.bags.figures import Mean
 from cfnav_ros.bags.parameters_file import read_parameters
 from cfnav_ros.bags.reading import BagError, find_bags
 from cfnav_ros.bags.results import result_files
@@ -88,8 +89,8 @@ def run(config: BagEvalConfig) -> int:
 
 def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:
     """The drives and their figures as lines of text for a terminal."""
-    head = ("bag", "goal", "outcome", "reached", "touched", "steps", "m")
-    lines = ["{:<24}{:<15}{:<12}{:<9}{:<9}{:>6}{:>8}".format(*head)]
+    head = ("bag", "goal", "outcome", "reached", "touched", "steps", "m", "driver")
+    lines = ["{:<24}{:<15}{:<12}{:<9}{:<9}{:>6}{:>8}  {}".format(*head)]
     for bag, drive in drives_in(evaluations):
         o = drive.outcome
         reached = {True: "yes", False: "no", None: "?"}[o.success.value]
@@ -97,14 +98,22 @@ def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:
         steps = "?" if o.steps is None else o.steps
         lines.append(
             f"{bag.name[:23]:<24}{o.goal or '-':<15}{o.outcome or '-':<12}{reached:<9}"
-            f"{touched!s:<9}{steps:>6}{number_text(o.path_length_m.value):>8}"
+            f"{touched!s:<9}{steps:>6}{number_text(o.path_length_m.value):>8}  {o.bundle or '-'}"
         )
-    for name in ("cf_sr", "sr", "cf_spl", "spl"):
-        mean = summary.figures[name]
-        shown = f"{number_text(mean.value)} {interval_text(mean)}".strip()
-        lines.append(f"{name:<8}{shown}  ({mean.drives} drives)")
+    lines += _figures(summary.figures)
+    for name, figures in summary.drivers.items():
+        lines += [f"driver {name or 'not told'}", *_figures(figures)]
     lines += [_line(scores) for scores in summary.bundles]
     return "\n".join(lines)
+
+
+def _figures(figures: Mapping[str, Mean]) -> list[str]:
+    lines = []
+    for name in ("cf_sr", "sr", "cf_spl", "spl"):
+        mean = figures[name]
+        shown = f"{number_text(mean.value)} {interval_text(mean)}".strip()
+        lines.append(f"{name:<8}{shown}  ({mean.drives} drives)")
+    return lines
 
 
 def _line(scores: BundleScores) -> str:

@@ -112,3 +112,11 @@ def evaluation(name="bag", drives=None, **changes):
         bundles=BUNDLES,
     )  # fmt: skip
     return dataclasses.replace(made, **changes)
+
+
+def by_two_drivers():
+    """A clean drive of one driver and, in another bag, a missed and a touching one of another."""
+    ours = [made_drive(101)]
+    theirs = [made_drive(101, reached=False), made_drive(111, touches=(1.0,)), made_drive(121)]
+    theirs = [dataclasses.replace(drive, bundle="<i>theirs") for drive in theirs]
+    return [evaluation("a", ours), evaluation("b", theirs)]

@@ -53,7 +53,8 @@ class Drive:
         goal_at: where it is, metres in the odometry frame, None if unknown.
         reached: what the file says, None if it does not.
         bundle: that drove, as the policy node names it.
-        outcome: as the policy node tells it, ``unfinished`` without its end, else empty.
+        outcome: of the goal as the policy node tells it, ``unfinished`` without its end, else
+            empty.
         message: its sentence.
         path: float64 [N, 4]: s from the start, x, y (m), yaw (rad) in the odometry frame; thinned.
         path_length_m: by all odometry, None without.
@@ -148,7 +149,9 @@ class DriveLog:
         elif isinstance(event, OccupancyMap):
             self.map = event
         elif isinstance(event, Told) and self.row and not event.started:
-            self.outcome, self.message, self.bundle = event.outcome, event.message, event.bundle
+            self.bundle = event.bundle
+            if self.goal in ("", event.goal):
+                self.outcome, self.message = event.outcome, event.message
 
     def close(self, heard: frozenset[type[Event]]) -> Drive:
         """Make the drive.

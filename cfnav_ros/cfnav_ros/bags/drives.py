@@ -105,7 +105,7 @@ class Book:
         self._begin_rows()
         if isinstance(event, Told):
             self._hear(t, event)
-        for item in (event, *self._detectors.see(t, event)):
+        for item in (event, *self._detectors.see(t, event, self._begin_ns or 0)):
             when = item.t_ns if isinstance(item, Contact) else t
             self._recent.append((event.log_ns, when, item))
             self._deal(when, item)

@@ -7,6 +7,8 @@ interval over drives, and why something of it is null.
 ``facts``           what the caller says of the run: strings by name
 ``figures``         by name (``figures.over_drives``): ``value, low, high, drives``, ``sources``
                     (drives by source), ``left_out`` (drives by the reason)
+``drivers``         ``name`` (empty: not told) and ``figures`` of each bundle that drove; none when
+                    one drove them all
 ``drives``          one object a drive: the columns of ``drives.csv``
 ``bundles``         ``name, own_name, decisions, left_out, agreement`` (figures ``overall`` and
                     ``p_driven``, ``by_action``; ``answers`` by driven and own action),
@@ -21,8 +23,8 @@ interval over drives, and why something of it is null.
 =================== ==============================================================================
 
 ``drives.csv``: ``bag``, ``drive`` (number within the report), ``found, start_ns, seconds, goal,
-room, bundle, outcome, message, steps, vetoes``; the facts of ``DriveOutcome`` each with
-``*_source``; ``collisions_*`` by source; ``missing`` (which fact, and why), ``notes``.
+room, bundle`` (the driver), ``outcome, message, steps, vetoes``; the facts of ``DriveOutcome`` each
+with ``*_source``; ``collisions_*`` by source; ``missing`` (which fact, and why), ``notes``.
 
 ``decisions.csv``: ``bag``, ``drive``, ``seconds`` from its start, then the fields of ``ReplayStep``
 by their names, actions by theirs, and ``agrees, p_driven``, ``p_*`` by action.
@@ -105,6 +107,10 @@ def result_files(
     metrics = {
         "facts": dict(facts),
         "figures": {name: _mean(mean) for name, mean in summary.figures.items()},
+        "drivers": [
+            {"name": name, "figures": {key: _mean(mean) for key, mean in figures.items()}}
+            for name, figures in summary.drivers.items()
+        ],
         "drives": drives,
         "bundles": [_bundle(scores) for scores in summary.bundles],
         "comparison": [
