@@ -157,7 +157,7 @@ class _Work:
         self._health, self._book, self._film = Health(), Book(options.rows), Film()
         self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
-        self._scanned = "scan" in roles.topics
+        self._scanned = _holds(roles, "scan")
         self._infer = not _holds(roles, "decision")
         self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
