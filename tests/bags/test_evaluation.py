@@ -2,18 +2,22 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
-from cfnav_ros.bags.contacts import CLEARANCE
+from cfnav_ros.bags.contacts import CLEARANCE, STALL
+from cfnav_ros.bags.episodes_file import EpisodeRow
 from cfnav_ros.bags.evaluation import Options, evaluate
-from cfnav_ros.bags.events import Bumps, Decided, Pose, Tick, Told
+from cfnav_ros.bags.events import Bumps, Decided, Picture, Pose, Tick, Told
 from cfnav_ros.bags.replay_step import reproduction
 from cfnav_ros.bags.summary import summarise
+from cfnav_ros.limits import EpisodeLimits
 
 from cfnav_core.actions import Action
 from cfnav_core.policy import Policy
 from tests.bags import bag_files as b
 from tests.bags.event_bag import bag_of
-from tests.bags.live_drives import RecordedRobot, restless_bundle, without
+from tests.bags.live_drives import RecordedRobot, blocks, restless_bundle, without
+from tests.bags.made import drive as drive_of
 from tests.bags.made import end, start, truth
 from tests.bags.made import pose as pose_at
 
@@ -134,3 +138,23 @@ def test_truth_of_another_episode_tells_no_length(tmp_path):
     assert only.outcome.path_length_m.value == pytest.approx(0.8, abs=0.02)
     assert not only.outcome.truth_length_m.known
     assert "truth" not in only.outcome.collisions_by
+
+
+def test_a_stall_ends_an_inferred_move_and_labels_it(bundle, tmp_path):
+    """Teleoperated against a wall without a bumper, held there, then backed off."""
+    parts = [(1, 0, 0, 0, 0), (0.8, 0.2, 0, 0.2, 0), (2, 0.2, 0, 0, 0), (1.5, -0.2, 0, -0.2, 0)]
+    driven, rng = drive_of(100, *parts), np.random.default_rng(0)
+    for k in range(20 * 5):
+        rgb, at_ns = blocks(rng), 100 * S + k * S // 20
+        driven.append(Picture(t_ns=at_ns, log_ns=at_ns, data=rgb, decode=lambda rgb=rgb: rgb))
+    rows = (EpisodeRow("", 0.0, 5.0, "Mug"),)
+    found = judged(
+        tmp_path / "bag", sorted(driven, key=lambda e: e.log_ns), bundle,
+        rows=rows, limits=EpisodeLimits(lidar=False),
+    )  # fmt: skip
+    (only,) = found.drives
+    (contact,) = only.contacts
+    assert contact.source == STALL
+    (step,) = only.steps
+    assert (step.driven, step.collided) == (Action.MoveAhead, True)
+    assert step.t_ns < contact.t_ns < step.until_ns

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.policy import Policy
-from cfnav_ros.bags.contacts import Contact
+from cfnav_ros.bags.contacts import STALL, Contact
 from cfnav_ros.bags.decode import TILT_JOINT
 from cfnav_ros.bags.drives import Book, Drive
 from cfnav_ros.bags.episodes_file import EpisodeRow
@@ -186,6 +186,8 @@ class _Work:
         self._map(event)
         if not isinstance(event, LaserTurn):
             self._keep(self._book.see(event))
+            if any(contact.source == STALL for contact in self._book.contacts):
+                self._replay.stalled()
 
     def finish(self, notes: Sequence[str]) -> Evaluation:
         """The bag is over."""

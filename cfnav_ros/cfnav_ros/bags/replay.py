@@ -151,13 +151,10 @@ class Replay:
         self._close(t_ns)
         self._goal, self._step, self._seen = "", 0, None
 
-    def touch(self) -> None:
-        """Inferred actions: the robot touches something, which ends a MoveAhead under way.
-
-        Bumps are seen anyway; this is for contacts that were found otherwise.
-        """
+    def stalled(self) -> None:
+        """Inferred actions: the base stalls, which ends a MoveAhead under way as bumps do."""
         if self._driven is not None:
-            self._infer(self._driven.touch())
+            self._infer(self._driven.stalled())
 
     def finish(self) -> None:
         """The bag ends."""
