@@ -134,6 +134,8 @@ class DriveLog:
         if isinstance(event, Contact):
             self._contacts.append(event)
             return
+        if self._of_another(event):
+            return
         self._last[type(event)] = max(t_ns, self._last.get(type(event), t_ns))
         t = (t_ns - self.start_ns) * 1e-9
         if isinstance(event, Pose):
@@ -192,10 +194,12 @@ class DriveLog:
             self._clearance = min(self._clearance, estimate.clearance)
         self._estimates.take((t, estimate.probability, estimate.clearance, float(estimate.verdict)))
 
+    def _of_another(self, event: Event) -> bool:
+        """Whether its goal shows that the robot was placed for another episode."""
+        return isinstance(event, Truth) and self.found == POLICY and event.goal != self.goal
+
     def _take_truth(self, t_ns: int, event: Truth) -> None:
-        """Take a sample; its goal tells it from a placing of the robot for another episode."""
-        if self.found == POLICY and event.goal != self.goal:
-            return
+        """Take a sample."""
         sample = event if event.t_ns == t_ns else replace(event, t_ns=t_ns)
         before = self._truths.newest
         changed = before is not None and _state(before) != _state(sample)

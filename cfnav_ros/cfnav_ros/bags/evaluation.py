@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.policy import Policy
-from cfnav_ros.bags.contacts import Contact
+from cfnav_ros.bags.contacts import STALL, Contact
 from cfnav_ros.bags.decode import TILT_JOINT
 from cfnav_ros.bags.drives import Book, Drive
 from cfnav_ros.bags.episodes_file import EpisodeRow
@@ -157,7 +157,7 @@ class _Work:
         self._health, self._book, self._film = Health(), Book(options.rows), Film()
         self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
-        self._scanned = "scan" in roles.topics
+        self._scanned = _holds(roles, "scan")
         self._infer = not _holds(roles, "decision")
         self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
@@ -186,6 +186,8 @@ class _Work:
         self._map(event)
         if not isinstance(event, LaserTurn):
             self._keep(self._book.see(event))
+            if any(contact.source == STALL for contact in self._book.contacts):
+                self._replay.stalled()
 
     def finish(self, notes: Sequence[str]) -> Evaluation:
         """The bag is over."""

@@ -33,7 +33,7 @@ class BundleScores:
         lidar: how well p_hat from the LiDAR foretold collisions of the driven MoveAheads.
         rgb: the same of its own predictor.
         own: reproduction of the decisions of drives whose driver has its name.
-        left_out: decisions and drives that it could not answer.
+        left_out: decisions that it could not answer.
     """
 
     name: str
