@@ -378,6 +378,34 @@ def test_the_bags_in_folders_are_found(tmp_path):
         find_bags([Path(__file__)])
 
 
+def test_unrelated_files_in_one_folder_are_bags_of_their_own(tmp_path):
+    days = [write_mcap(tmp_path / f"{day}.mcap", DRIVE[:20]) for day in ("friday", "monday")]
+    run = write(tmp_path / "run3", DRIVE[:20])
+    assert find_bags([tmp_path]) == [*days, run]
+    days[1].unlink()
+    assert find_bags([tmp_path]) == [days[0], run]
+    with Bag(days[0]) as bag:
+        assert len(list(bag.messages())) == 20
+        assert not bag.notes
+
+
+def test_the_parts_of_a_split_bag_beside_another_are_one_bag(tmp_path):
+    whole = split(tmp_path / "split", DRIVE, parts=11)
+    for number, file in enumerate(sorted(whole.glob("*.mcap"), key=lambda p: int(p.stem[5:]))):
+        file.rename(whole / f"tour_{number}.mcap")
+    (whole / "metadata.yaml").unlink()
+    assert find_bags([whole]) == [whole]
+    other = write_mcap(whole / "other.mcap", DRIVE[:20])
+    packed = whole / "tour_3.mcap.zstd"  # beside what was unpacked from it
+    packed.write_bytes(b"")
+    tour, _ = found = find_bags([whole])[::-1]
+    assert found == [whole / "tour_*.mcap", other]
+    with Bag(tour) as bag:
+        assert len(list(bag.messages())) == len(DRIVE)
+        (note,) = bag.notes
+    assert "has no metadata.yaml" in note
+
+
 def test_the_usual_roles_are_all_in_the_drive(tmp_path):
     with Bag(write(tmp_path / "bag", DRIVE)) as bag:
         roles = assign(bag.topics)
