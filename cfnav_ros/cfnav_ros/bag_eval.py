@@ -3,7 +3,8 @@
 Needs no ROS. Reads every bag once, as a stream: judges its drives, replays bundles over them as the
 live node would have run them, and watches the sensors. Writes ``report.html``, ``metrics.json``,
 ``drives.csv``, ``decisions.csv`` and ``health.csv``. Exit code 0: everything was evaluated; 1: some
-of it could not be read or evaluated, and sentences on standard error name it; 2: nothing was.
+of it could not be read, replayed or found under the name that was given, and sentences on standard
+error name it; 2: nothing was evaluated.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from cfnav_ros.bags.evaluation import Evaluation, Options, policy_of
 from cfnav_ros.bags.figures import Mean
 from cfnav_ros.bags.parameters_file import read_parameters
 from cfnav_ros.bags.reading import BagError, find_bags
-from cfnav_ros.bags.results import result_files
+from cfnav_ros.bags.results import left_out, result_files
 from cfnav_ros.bags.roles import parse_topics
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
 from cfnav_ros.report import figure_text, interval_text, number_text, write_file, write_report
@@ -73,7 +74,8 @@ def run(config: BagEvalConfig) -> int:
     results = evaluate_all(bags, options, config.jobs)
     done = [result for result in results if isinstance(result, Evaluation)]
     failed = [result.reason for result in results if isinstance(result, Failed)]
-    for sentence in [*failed, *(f"{e.name}: {note}" for e in done for note in e.notes)]:
+    told = [f"{e.name}: {note}" for e in done for note in (*e.notes, *_not_replayed(e))]
+    for sentence in [*failed, *told]:
         print(f"bag_eval: {sentence}", file=sys.stderr)
     if not done:
         return 2
@@ -84,7 +86,26 @@ def run(config: BagEvalConfig) -> int:
     write_report(done, config.out / REPORT, facts, summary, failed)
     print(table(done, summary))
     print(f"report in {config.out / REPORT}")
-    return 1 if failed or any(e.damaged for e in done) else 0
+    return 1 if failed or not all(_whole(e, options) for e in done) else 0
+
+
+def _whole(evaluation: Evaluation, options: Options) -> bool:
+    """Whether everything that was asked of a bag was found in it."""
+    lacks_named = any(role in evaluation.missing for role in options.topics)
+    return not (evaluation.damaged or lacks_named or _not_replayed(evaluation))
+
+
+def _not_replayed(evaluation: Evaluation) -> list[str]:
+    """One sentence about the decisions of a bag that were not replayed, if there are any."""
+    outs = left_out(evaluation)
+    if not outs or not evaluation.bundles:
+        return []
+    reasons = [
+        f"{count}{f' by {bundle}' if bundle else ''}: {reason.rstrip('.')}"
+        for bundle, reason, count in outs
+    ]
+    total = sum(count for _, _, count in outs)
+    return [f"Not replayed were {total} decisions or drives ({'; '.join(reasons)})."]
 
 
 def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:

@@ -16,9 +16,10 @@ interval over drives, and why something of it is null.
                     ``roc`` and ``precision_recall`` as rows of ``CollisionScores``),
                     ``reproduction`` (``Reproduction``)
 ``comparison``      ``first, second, steps, not_paired``, figures of second minus first
-``bags``            ``name, seconds, events, damaged, topics`` (by role), ``missing``, ``notes``,
+``bags``            ``name, seconds, events, damaged, messages, unchecked`` (how many of them no
+                    checksum protects), ``topics`` (by role), ``missing``, ``notes``,
                     ``left_out`` (``bundle, reason, count``), ``rates`` (``TopicHealth``, ``rate``
-                    in Hz), ``findings`` (the columns of ``health.csv``)
+                    in Hz from first to last), ``findings`` (the columns of ``health.csv``)
 ``failed``          a sentence for each bag that could not be evaluated
 =================== ==============================================================================
 
@@ -178,6 +179,8 @@ def _bag(evaluation: Evaluation) -> dict[str, Any]:
         "seconds": evaluation.seconds,
         "events": evaluation.events,
         "damaged": evaluation.damaged,
+        "messages": evaluation.messages,
+        "unchecked": evaluation.unchecked,
         "topics": dict(evaluation.roles),
         "missing": list(evaluation.missing),
         "notes": list(evaluation.notes),
