@@ -3,7 +3,8 @@
 Needs no ROS. Reads every bag once, as a stream: judges its drives, replays bundles over them as the
 live node would have run them, and watches the sensors. Writes ``report.html``, ``metrics.json``,
 ``drives.csv``, ``decisions.csv`` and ``health.csv``. Exit code 0: everything was evaluated; 1: some
-of it could not be read or evaluated, and sentences on standard error name it; 2: nothing was.
+of it could not be read, replayed or found under the name that was given, and sentences on standard
+error name it; 2: nothing was evaluated.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -22,9 +23,10 @@ from cfnav_core.whole import WriteError
 from cfnav_ros.bags.batch import Failed, evaluate_all
 from cfnav_ros.bags.episodes_file import read_episodes
 from cfnav_ros.bags.evaluation import Evaluation, Options, policy_of
+from cfnav_ros.bags.figures import Mean
 from cfnav_ros.bags.parameters_file import read_parameters
 from cfnav_ros.bags.reading import BagError, find_bags
-from cfnav_ros.bags.results import result_files
+from cfnav_ros.bags.results import left_out, result_files
 from cfnav_ros.bags.roles import parse_topics
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
 from cfnav_ros.report import figure_text, interval_text, number_text, write_file, write_report
@@ -72,7 +74,8 @@ def run(config: BagEvalConfig) -> int:
     results = evaluate_all(bags, options, config.jobs)
     done = [result for result in results if isinstance(result, Evaluation)]
     failed = [result.reason for result in results if isinstance(result, Failed)]
-    for sentence in [*failed, *(f"{e.name}: {note}" for e in done for note in e.notes)]:
+    told = [f"{e.name}: {note}" for e in done for note in (*e.notes, *_not_replayed(e))]
+    for sentence in [*failed, *told]:
         print(f"bag_eval: {sentence}", file=sys.stderr)
     if not done:
         return 2
@@ -83,13 +86,32 @@ def run(config: BagEvalConfig) -> int:
     write_report(done, config.out / REPORT, facts, summary, failed)
     print(table(done, summary))
     print(f"report in {config.out / REPORT}")
-    return 1 if failed or any(e.damaged for e in done) else 0
+    return 1 if failed or not all(_whole(e, options) for e in done) else 0
+
+
+def _whole(evaluation: Evaluation, options: Options) -> bool:
+    """Whether everything that was asked of a bag was found in it."""
+    lacks_named = any(role in evaluation.missing for role in options.topics)
+    return not (evaluation.damaged or lacks_named or _not_replayed(evaluation))
+
+
+def _not_replayed(evaluation: Evaluation) -> list[str]:
+    """One sentence about the decisions of a bag that were not replayed, if there are any."""
+    outs = left_out(evaluation)
+    if not outs or not evaluation.bundles:
+        return []
+    reasons = [
+        f"{count}{f' by {bundle}' if bundle else ''}: {reason.rstrip('.')}"
+        for bundle, reason, count in outs
+    ]
+    total = sum(count for _, _, count in outs)
+    return [f"Not replayed were {total} decisions or drives ({'; '.join(reasons)})."]
 
 
 def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:
     """The drives and their figures as lines of text for a terminal."""
-    head = ("bag", "goal", "outcome", "reached", "touched", "steps", "m")
-    lines = ["{:<24}{:<15}{:<12}{:<9}{:<9}{:>6}{:>8}".format(*head)]
+    head = ("bag", "goal", "outcome", "reached", "touched", "steps", "m", "driver")
+    lines = ["{:<24}{:<15}{:<12}{:<9}{:<9}{:>6}{:>8}  {}".format(*head)]
     for bag, drive in drives_in(evaluations):
         o = drive.outcome
         reached = {True: "yes", False: "no", None: "?"}[o.success.value]
@@ -97,14 +119,22 @@ def table(evaluations: Sequence[Evaluation], summary: Summary) -> str:
         steps = "?" if o.steps is None else o.steps
         lines.append(
             f"{bag.name[:23]:<24}{o.goal or '-':<15}{o.outcome or '-':<12}{reached:<9}"
-            f"{touched!s:<9}{steps:>6}{number_text(o.path_length_m.value):>8}"
+            f"{touched!s:<9}{steps:>6}{number_text(o.path_length_m.value):>8}  {o.bundle or '-'}"
         )
-    for name in ("cf_sr", "sr", "cf_spl", "spl"):
-        mean = summary.figures[name]
-        shown = f"{number_text(mean.value)} {interval_text(mean)}".strip()
-        lines.append(f"{name:<8}{shown}  ({mean.drives} drives)")
+    lines += _figures(summary.figures)
+    for name, figures in summary.drivers.items():
+        lines += [f"driver {name or 'not told'}", *_figures(figures)]
     lines += [_line(scores) for scores in summary.bundles]
     return "\n".join(lines)
+
+
+def _figures(figures: Mapping[str, Mean]) -> list[str]:
+    lines = []
+    for name in ("cf_sr", "sr", "cf_spl", "spl"):
+        mean = figures[name]
+        shown = f"{number_text(mean.value)} {interval_text(mean)}".strip()
+        lines.append(f"{name:<8}{shown}  ({mean.drives} drives)")
+    return lines
 
 
 def _line(scores: BundleScores) -> str:

@@ -249,13 +249,14 @@ def outcomes_of(evaluation: Evaluation) -> list[Outcome]:
     """The outcomes of a simulated robot's episodes, by the truth that its bag holds.
 
     Raises:
-        BagError: the bag holds no episode, or one without ground truth.
+        BagError: the bag holds no episode, or one without its end or ground truth.
     """
     outcomes = [live_outcome(evaluated.drive) for evaluated in evaluation.drives]
     if not outcomes or None in outcomes:
         raise BagError(
-            f"{evaluation.name} does not hold every episode with its ground truth; expected "
-            f"policy/episode, policy/decision and ground_truth/state. {' '.join(evaluation.notes)}"
+            f"{evaluation.name} does not hold every episode with its end and ground truth; "
+            "expected policy/episode, policy/decision and ground_truth/state. "
+            f"{' '.join(evaluation.notes)}"
         )
     return [outcome for outcome in outcomes if outcome]
 

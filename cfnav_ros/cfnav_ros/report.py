@@ -105,6 +105,7 @@ def report_page(
             cards=cards,
             most_cards=CARDS,
             tiles=[(tile, summary.figures[tile.key]) for tile in TILES],
+            drivers=summary.drivers,
             sources=_sources(summary, drives),
             bundles=[(scores, _score_pictures(scores)) for scores in summary.bundles],
             pairs=summary.pairs,

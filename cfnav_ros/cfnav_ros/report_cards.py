@@ -32,7 +32,7 @@ MEANING = {
     "odometry": "the robot's odometry",
     "LiDAR": "its estimates ahead of the robot",
     "map": "the recorded map",
-    "bag": "log times of the bag",
+    "bag": "its stamps, or its log times where the clocks differ or an episodes file cuts it",
 }
 """Where a figure comes from, by the word that names it."""
 

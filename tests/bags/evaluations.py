@@ -102,7 +102,7 @@ def evaluation(name="bag", drives=None, **changes):
         missing=("camera_info",), drives=tuple(evaluated(d, name) for d in drives),
         left_out=(LeftOut("", 101 * S, 3, 104 * S, "The bag holds no picture stamped 3.5 s."),
                   LeftOut("", 101 * S, 4, 105 * S, "The bag holds no picture stamped 4.5 s."),
-                  LeftOut("ours", 111 * S, 0, 111 * S, "It does not take this goal: <Fridge>.")),
+                  LeftOut("ours", 111 * S, 1, 111 * S, "It does not take this goal: <Fridge>.")),
         topics=(TopicHealth("/scan", "LaserTurn", 200, 0.1, 29.0, 1.5, {}),
                 TopicHealth("/tf_static", "Frames", 1, 0.1, 0.1),
                 TopicHealth("/estimate", "Judged", 200, 0.1, 29.0, 1.5, {"GOOD": 25.0})),
@@ -112,3 +112,11 @@ def evaluation(name="bag", drives=None, **changes):
         bundles=BUNDLES,
     )  # fmt: skip
     return dataclasses.replace(made, **changes)
+
+
+def by_two_drivers():
+    """A clean drive of one driver and, in another bag, a missed and a touching one of another."""
+    ours = [made_drive(101)]
+    theirs = [made_drive(101, reached=False), made_drive(111, touches=(1.0,)), made_drive(121)]
+    theirs = [dataclasses.replace(drive, bundle="<i>theirs") for drive in theirs]
+    return [evaluation("a", ours), evaluation("b", theirs)]

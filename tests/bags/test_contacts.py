@@ -67,6 +67,12 @@ def test_a_bumper_pressed_when_the_bag_begins_was_pressed_before():
     assert not any(detector.see(r.t_ns, r, Whereabouts()) for r in reports)
 
 
+@pytest.mark.parametrize(("t", "counts"), [(100.9, False), (101.1, True), (140.0, True)])
+def test_a_first_report_of_a_bumper_is_of_before_only_when_the_bag_has_just_begun(t, counts):
+    contact = BumpContacts().see(ns(t), bumps(t, "front"), Whereabouts(), ns(100))
+    assert (contact is not None) is counts
+
+
 def test_a_contact_without_odometry_has_no_place_and_no_speed():
     detector = BumpContacts()
     detector.see(0, bumps(0), Whereabouts())

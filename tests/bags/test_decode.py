@@ -154,6 +154,12 @@ def changed(message, **fields):
     return replace(message, **fields)
 
 
+def test_cells_of_a_map_are_occupied_from_65_percent():
+    cells = np.array([-1, 0, 1, 10, 64, 65, 100, *[0] * 13], np.int8)
+    room = event_of("map", changed(b.grid(STAMP), data=cells))
+    assert np.flatnonzero(room.occupied).tolist() == [5, 6]
+
+
 @pytest.mark.parametrize(
     ("role", "message", "sentence"),
     [

@@ -137,12 +137,22 @@ def test_driving_against_something_is_a_move_ahead():
     pressed = Bumps(t_ns=path.poses[-1].t_ns, zones=("bump_front_center",))
     assert driven.see(pressed) == [A]
     assert driven.see(pressed) == []  # held, it is the same touch
+    pushed = len(path.poses)
+    path.go(0.03, 0, 1.0)
+    assert [a for pose in path.poses[pushed:] for a in driven.see(pose)] == driven.stalled() == []
     assert driven.see(Bumps(t_ns=pressed.t_ns + 1, zones=())) == []
     # the reflex backs off by 0.1 m; then on
     met = len(path.poses)
     path.go(-0.1, 0, 1.0).rest().go(0.2, 0, 1.25)
     assert [a for pose in path.poses[met:] for a in driven.see(pose)] == [A]
     assert driven.backed == 1
+
+
+def test_a_stall_ends_a_move_ahead():
+    driven, path = DrivenActions(), Path().go(0.2, 0, 0.6)
+    assert actions(path, driven) == []
+    assert driven.stalled() == [A]
+    assert driven.stalled() == []
 
 
 def test_a_touch_of_a_standing_robot_is_nothing():

@@ -4,13 +4,14 @@ import dataclasses
 import math
 import random
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from cfnav_ros.bags.clocks import Clocks
 from cfnav_ros.bags.contacts import BUMP, CLEARANCE, STALL, TRUTH
 from cfnav_ros.bags.drive_log import BAG, FILE, POLICY
 from cfnav_ros.bags.drives import RECENT, Book
-from cfnav_ros.bags.episodes_file import EpisodeRow, EpisodesError, read_episodes, rows_of
+from cfnav_ros.bags.episodes_file import EpisodeRow, EpisodesError, read_episodes, rows_by_bag
 from cfnav_ros.bags.events import Frames, Pose, Truth
 from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.thinned import Thinned
@@ -297,9 +298,29 @@ def test_an_episodes_file_is_read_as_yaml_and_csv(tmp_path):
     rows = read_episodes(yaml)
     assert rows == read_episodes(csv)
     assert rows[1] == EpisodeRow("run2", 1.0, 9.5, "Mug", (1.0, -2.0), True)
-    assert rows_of(rows, tmp_path / "run1.mcap") == rows[:1]
-    assert rows_of(rows, tmp_path / "run2") == rows[1:]
-    assert rows_of(rows, tmp_path / "run22") == ()
+    bags = [tmp_path / name for name in ("run1.mcap", "run2", "run22")]
+    assert list(rows_by_bag(rows, bags).values()) == [rows[:1], rows[1:], ()]
+
+
+def test_a_row_fits_one_bag_by_as_much_of_its_path_as_is_needed(tmp_path):
+    first, second = tmp_path / "first/bag", tmp_path / "second/bag"
+    split, plain = tmp_path / "tour_*.mcap", tmp_path / "tour.db3"
+
+    def found(name, *bags):
+        rows = (EpisodeRow(name, 0.0, 1.0, "Mug"),)
+        return [bag for bag, mine in rows_by_bag(rows, bags).items() if mine]
+
+    for name in ("first/bag", "./first/bag", str(first)):
+        assert found(name, second, first) == [first]
+    assert found("bag", Path("bag"), Path("x/bag")) == [Path("bag")]
+    assert found("tour", split, first) == found("tour_*.mcap", split, plain) == [split]
+    assert found("tour.db3", split, plain) == [plain]
+    with pytest.raises(EpisodesError, match=r"'bag', which fits .*first/bag and .*second/bag;"):
+        found("bag", first, second)
+    with pytest.raises(EpisodesError, match="'tour', which fits"):
+        found("tour", split, plain)
+    with pytest.raises(EpisodesError, match="'tuor', which fits none of the bags; expected one"):
+        found("tuor", first, plain)
 
 
 @pytest.mark.parametrize(

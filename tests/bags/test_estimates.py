@@ -154,7 +154,7 @@ def test_estimates_are_found_by_the_stamp_of_their_scan_or_when_blind():
     first = next(f for f in found if f.estimate.verdict is Verdict.BLIND)
     assert estimates.blind_at(first.t_ns - 30 * MS) == first  # the live timer fired a little before
     assert estimates.made_from(first.t_ns) is None
-    assert estimates.newest == found[-1]
+    assert estimates.newest[1] == found[-1]
 
 
 def test_memory_is_bounded():

@@ -70,6 +70,51 @@ def test_silence_of_what_speaks_on_occasion_is_no_gap():
     assert watched(start(150.0))[0] == ()
 
 
+def test_a_sensor_that_dies_or_comes_late_is_found():
+    pictures = [picture(100.5 + i / 10, i) for i in range(100)]
+    (finding,), topics = watched(*poses(100, 100), *pictures)
+    assert (finding.kind, finding.topic) == ("gap", "image")
+    assert (finding.start, finding.end) == (pytest.approx(10.4), pytest.approx(99.95))
+    assert finding.text == "No message that could be read for 89.55 s, until the bag ends."
+    assert finding.treated == TREATED["gap of Picture"]
+    assert topics["image"].longest_gap == pytest.approx(89.55)
+    assert topics["image"].rate == pytest.approx(10.0)
+    late = [picture(150 + i / 10, i) for i in range(500)]
+    (finding,), _ = watched(*poses(100, 100), *late)
+    assert (finding.start, finding.end) == (0.0, pytest.approx(50.0))
+    assert "after the bag begins" in finding.text
+    early = [dataclasses.replace(picture(100, 0), log_ns=0)]  # before node time was known
+    (finding,), _ = watched(*poses(100, 100), *early)
+    assert (finding.start, finding.end) == (0.0, pytest.approx(99.95))
+
+
+def test_what_is_latched_or_made_again_has_no_beginning_and_no_end():
+    again = [judged(100 + i / 10) for i in range(20)]
+    assert watched(*poses(100, 100), start(101), *again)[0] == ()
+    recorded = [dataclasses.replace(j, topic="/collision/estimate") for j in again]
+    assert [f.topic for f in watched(*poses(100, 100), *recorded)[0]] == ["/collision/estimate"]
+
+
+def test_a_bag_that_leaps_back_ends_where_its_last_run_does():
+    health = Health()
+    for event in [*poses(100, 90), *poses(100, 10)]:
+        health.see(event)
+    assert "gap" not in {f.kind for f in health.findings()}
+
+
+def test_a_topic_without_a_message_is_a_finding_and_a_row():
+    health = Health({"/image": Picture})
+    for event in poses(100, 20):
+        health.see(event)
+    (finding,) = health.findings()
+    assert (finding.kind, finding.topic, finding.start) == ("silent", "/image", 0.0)
+    assert finding.end == pytest.approx(19.95)
+    assert finding.treated == "Nothing can be replayed."
+    assert [(t.topic, t.kind, t.messages) for t in health.topics()] == [
+        ("/image", "Picture", 0), ("odom", "Pose", 400),
+    ]  # fmt: skip
+
+
 def test_stamps_that_go_back_repeat_or_are_unset():
     events = [pose(t) for t in np.arange(100, 110, 0.1)]
     events[30] = dataclasses.replace(events[30], t_ns=events[30].t_ns - ns(0.2))
@@ -202,7 +247,7 @@ def test_a_sick_bag_needs_no_more_memory_than_a_sound_one():
     for i in range(3000):
         health.see(pose(100 + 0.2 * i + 2.0 * (i // 10)))
         words = chr(97 + i % 26) * (i % 60 + 1)
-        health.see(Unreadable(**at(100 + 0.4 * i, topic="image"), reason=f"No {words}."))
+        health.see(Unreadable(**at(100 + 0.39 * i, topic="image"), reason=f"No {words}."))
     findings = health.findings()
     gaps = [f for f in findings if f.kind == "gap"]
     assert len(gaps) == MOST + 1

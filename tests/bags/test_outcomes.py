@@ -69,7 +69,7 @@ def test_done_without_seeing_the_goal_is_no_success():
     assert judge(made(score=UNSEEN)).success.value is False
 
 
-@pytest.mark.parametrize("outcome", ["step_limit", "aborted", "refused", "unfinished"])
+@pytest.mark.parametrize("outcome", ["step_limit", "aborted", "refused"])
 def test_no_other_end_is_a_success_although_the_goal_is_seen(outcome):
     for drive in (made(outcome), with_truth(outcome=outcome)):
         result = judge(drive)
@@ -106,6 +106,7 @@ def test_a_file_comes_before_the_observable_and_after_truth():
     [
         ({"goal": ""}, "no goal"),
         ({"decisions": ()}, "does not hold the decision Done"),
+        ({"outcome": "unfinished", "decisions": ()}, "does not hold its end"),
         ({"found": FILE, "outcome": "", "decisions": ()}, "neither the policy nor a file"),
     ],
 )

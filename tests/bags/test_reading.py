@@ -7,11 +7,10 @@ import sqlite3
 import struct
 import time
 import tracemalloc
-from pathlib import Path
 
 import pytest
 from cfnav_ros.bags.events import Picture, Pose
-from cfnav_ros.bags.reading import SORTED_NS, Bag, BagError, find_bags, unique_names
+from cfnav_ros.bags.reading import SORTED_NS, Bag, find_bags
 from cfnav_ros.bags.roles import ROLES, assign
 from cfnav_ros.bags.storage import MAX_MESSAGE
 
@@ -361,32 +360,9 @@ def test_what_comes_twice_and_what_is_named_by_the_user(tmp_path):
         assert {e.x for e in bag.events(named) if isinstance(e, Pose)} == {2.0}
 
 
-def test_the_bags_in_folders_are_found(tmp_path):
-    one = write(tmp_path / "a/drive_10", [])
-    two = write(tmp_path / "a/drive_9", [])
-    file = write_mcap(tmp_path / "b.mcap", [])
-    loose = tmp_path / "c/loose"
-    loose.mkdir(parents=True)
-    shutil.copy(file, loose / "x.mcap")
-    assert find_bags([tmp_path / "a", file, tmp_path / "c", two]) == [two, one, file, loose]
-    (tmp_path / "none").mkdir()
-    with pytest.raises(BagError, match="is no bag and holds none: expected"):
-        find_bags([tmp_path / "none"])
-    with pytest.raises(BagError, match="does not exist"):
-        find_bags([tmp_path / "nowhere"])
-    with pytest.raises(BagError, match="is no bag"):
-        find_bags([Path(__file__)])
-
-
 def test_the_usual_roles_are_all_in_the_drive(tmp_path):
     with Bag(write(tmp_path / "bag", DRIVE)) as bag:
         roles = assign(bag.topics)
     assert set(roles.topics) == set(ROLES)
     assert roles.missing == ()
     assert roles.notes == ()
-
-
-def test_bags_of_one_name_are_told_apart_by_their_folders() -> None:
-    paths = [Path(p) for p in ("/a/x/bag", "/a/y/bag", "/b/y/bag", "/a/other", "/bag")]
-    assert unique_names(paths) == ["x/bag", "a/y/bag", "b/y/bag", "other", "/bag"]
-    assert unique_names([Path("out/demo/bag")]) == ["bag"]

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from cfnav_ros.bag_eval import table
 from cfnav_ros.bags.evaluation import Options, evaluate
 from cfnav_ros.bags.film import FRAMES, MOMENTS, Film, key_stamps, moment_stamps
 from cfnav_ros.bags.results import (
@@ -25,7 +26,14 @@ from cfnav_ros.bags.summary import drives_in, summarise
 from cfnav_core.actions import Action
 from tests.bags.bag_files import VARIANTS, S, image
 from tests.bags.bag_files import drive as recorded
-from tests.bags.evaluations import BUNDLES, answers, evaluated, evaluation, made_drive
+from tests.bags.evaluations import (
+    BUNDLES,
+    answers,
+    by_two_drivers,
+    evaluated,
+    evaluation,
+    made_drive,
+)
 from tests.bags.steps import step_of
 
 
@@ -88,6 +96,31 @@ def test_only_decisions_of_drives_with_its_own_name_are_its_own(written):
     assert ours["reproduction"]["decisions"] == 36
     assert plain["reproduction"]["decisions"] == 0
     assert plain["reproduction"]["p_hat_difference"] is None
+
+
+def test_each_driver_has_its_own_figures_when_there_are_several(written):
+    both = by_two_drivers()
+    metrics = json.loads(files(both)[METRICS])
+    assert metrics["figures"]["sr"]["value"] == pytest.approx(3 / 4)
+    theirs, ours = metrics["drivers"]
+    assert (theirs["name"], ours["name"]) == ("<i>theirs", "shipped")
+    assert (ours["figures"]["sr"]["value"], ours["figures"]["sr"]["drives"]) == (1.0, 1)
+    assert theirs["figures"]["sr"]["value"] == pytest.approx(2 / 3)
+    assert theirs["figures"]["cf_sr"]["value"] == pytest.approx(1 / 3)
+    assert theirs["figures"]["cf_sr"]["drives"] == 3
+    assert [row["bundle"] for row in rows(files(both)[DRIVES])] == ["shipped", *["<i>theirs"] * 3]
+    assert json.loads(written[METRICS])["drivers"] == []
+
+
+def test_the_terminal_shows_drivers_apart():
+    both = by_two_drivers()
+    lines = table(both, summarise(both)).splitlines()
+    assert [line.split()[-1] for line in lines[1:5]] == ["shipped", *["<i>theirs"] * 3]
+    of_theirs = lines.index("driver <i>theirs")
+    assert lines[of_theirs + 1].startswith("cf_sr   0.33 95 %: ")
+    assert lines[of_theirs + 2].endswith("(3 drives)")
+    one = [evaluation()]
+    assert "driver shipped" not in table(one, summarise(one))
 
 
 def test_tables_have_a_row_a_drive_and_a_row_a_decision_and_bundle(written):
@@ -177,8 +210,10 @@ def test_film_keeps_the_surest_disagreements_beside_the_course_of_a_drive():
     assert moment_stamps([*answers(drive), *sure], set(stamps)) == stamps[51:55]
     film = Film()
     for i, stamp in enumerate(stamps):
-        film.add(stamp, np.full((30, 40, 3), i, np.uint8))
+        film.add(stamp, stamp, np.full((30, 40, 3), i, np.uint8))
     kept = film.cut(drive, sure)
-    assert list(kept) == sorted({*key_stamps(drive, stamps), *stamps[51:55]})
+    assert list(kept) == sorted(
+        {*key_stamps(drive, dict(zip(stamps, stamps, strict=True))), *stamps[51:55]}
+    )
     assert len(kept) <= FRAMES + MOMENTS
     assert film.cut(drive, sure) == {}

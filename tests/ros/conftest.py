@@ -151,16 +151,16 @@ class SyntheticBag:
         self.write("/collision/estimate", t, message)
 
     def picture(self, t: int) -> None:
-        """Write a 32x24 bgr8 picture, pure red, with padded rows."""
-        rows = np.zeros((24, 100), np.uint8)
-        rows[:, 2:96:3] = 255
+        """Write a 160x160 bgr8 picture, pure red, with padded rows."""
+        rows = np.zeros((160, 484), np.uint8)
+        rows[:, 2:480:3] = 255
         message = self.message(
             "sensor_msgs/Image",
             header=self.header(t),
-            height=24,
-            width=32,
+            height=160,
+            width=160,
             encoding="bgr8",
-            step=100,
+            step=484,
             data=rows.ravel(),
         )
         self.write("/oakd/rgb/preview/image_raw", t, message)

@@ -16,6 +16,8 @@ from cfnav_ros.bags.evaluation import Options, evaluate
 from cfnav_ros.bags.reading import Bag
 
 from cfnav_core.actions import Action
+from tests.bags.bag_files import VARIANTS
+from tests.bags.bag_files import drive as recorded
 
 A = Action
 DRIVE = [A.MoveAhead, A.MoveAhead, A.RotateLeft, A.MoveAhead, A.MoveAhead, A.Done]
@@ -116,6 +118,79 @@ def test_what_makes_no_sense_ends_with_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("arguments", [["--topic", "image:=/wrong"], []])
+def test_decisions_that_could_not_be_replayed_are_told_and_no_success(
+    synthetic_bag, tmp_path: Path, arguments: list[str]
+) -> None:
+    writer = synthetic_bag()
+    if not arguments:
+        writer.picture = lambda t: None
+    writer.episode(S, DRIVE)
+    writer.writer.close()
+    out = tmp_path / "out"
+    done = bag_eval(writer.path, "--out", out, *arguments)
+    assert done.returncode == 1, done.stderr
+    (sentence,) = [line for line in done.stderr.splitlines() if "Not replayed" in line]
+    assert "Not replayed were 6 decisions or drives (6: The bag holds no picture" in sentence
+    assert ("/wrong that was given for image is not in the bag" in done.stderr) is bool(arguments)
+    written = json.loads((out / "metrics.json").read_text())
+    silent = [f["topic"] for f in written["bags"][0]["findings"] if f["kind"] == "silent"]
+    assert silent == ([] if arguments else ["/oakd/rgb/preview/image_raw"])
+
+
+def test_a_topic_that_was_named_and_is_not_there_is_no_success(bag: Path, tmp_path: Path) -> None:
+    arguments = ["--out", tmp_path / "out", "--no-replay", "--topic", "image:=/wrong"]
+    assert bag_eval(bag, *arguments).returncode == 1
+
+
+def test_rows_of_the_episodes_file_speak_of_one_bag_each(bag: Path, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        shutil.copytree(bag, tmp_path / "bags" / name / "bag")
+    rows = tmp_path / "rows.yaml"
+    for name, fits in (("tuor", "none of the bags"), ("bag", "first/bag and ")):
+        rows.write_text(f"- {{bag: {name}, start: 0, end: 5, goal: Laptop}}\n")
+        done = bag_eval(tmp_path / "bags", "--out", tmp_path / "out", "--episodes", rows)
+        assert done.returncode == 2
+        assert f"{name!r}, which fits " in done.stderr
+        assert fits in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+        assert not (tmp_path / "out").exists()
+    rows.write_text("- {bag: first/bag, start: 0, end: 5, goal: Mug}\n")
+    arguments = ["--out", tmp_path / "out", "--no-replay", "--episodes", rows]
+    done = bag_eval(tmp_path / "bags", *arguments)
+    assert done.returncode == 0, done.stderr
+    drives = json.loads((tmp_path / "out/metrics.json").read_text())["drives"]
+    assert [d["goal"] for d in drives if d["bag"] == "first/bag"] == ["Mug"]
+    assert [d["goal"] for d in drives if d["bag"] == "second/bag"] == ["Laptop", "Laptop", "Fridge"]
+
+
+def test_unrelated_bags_in_one_folder_are_judged_apart(bag: Path, tmp_path: Path) -> None:
+    (file,) = bag.glob("*.mcap")
+    (tmp_path / "drives").mkdir()
+    for name in ("friday", "monday"):
+        shutil.copy(file, tmp_path / "drives" / f"{name}.mcap")
+    shutil.copytree(bag, tmp_path / "drives/run3")
+    out = tmp_path / "out"
+    done = bag_eval(tmp_path / "drives", "--out", out, "--no-replay")
+    assert done.returncode == 0, done.stderr
+    written = json.loads((out / "metrics.json").read_text())
+    assert [b["name"] for b in written["bags"]] == ["friday.mcap", "monday.mcap", "run3"]
+    assert len(written["drives"]) == 9
+
+
+def test_what_no_checksum_protects_is_counted_and_told(tmp_path: Path) -> None:
+    said = recorded(2.0)
+    for variant, share in (("recorded", 0), ("sqlite", 1)):
+        path, out = VARIANTS[variant](tmp_path / variant, said), tmp_path / f"{variant}_out"
+        done = bag_eval(path, "--out", out, "--no-replay")
+        assert done.returncode == 0, done.stderr
+        (found,) = json.loads((out / "metrics.json").read_text())["bags"]
+        assert found["messages"] > 200
+        assert found["unchecked"] == share * found["messages"]
+        sentence = f"No checksum protects {found['unchecked']} of the {found['messages']} messages:"
+        assert (sentence in (out / "report.html").read_text()) is bool(share)
+
+
 def test_a_file_within_the_folder_reads_the_same(bag: Path) -> None:
     (file,) = bag.glob("*.mcap")
     outcomes = [[d.outcome for d in evaluate(path, Options()).drives] for path in (file, bag)]
@@ -132,7 +207,7 @@ def test_the_robot_s_parameter_file_tells_how_it_decided(bag: Path, tmp_path: Pa
     assert options.topics == {"image": "front/image", "odom": "o"}
     assert (options.lidar.disc.mount_x, options.mount_given) == (0.2, True)
     done = bag_eval(bag, "--no-replay", "--params", params, "--out", tmp_path / "out")
-    assert done.returncode == 0
+    assert done.returncode == 1
     assert "front/image that was given for image is not in the bag" in done.stderr
     params.write_text("policy_node: {ros__parameters: {vetoes: 1}}")
     done = bag_eval(bag, "--params", params, "--out", tmp_path / "none")

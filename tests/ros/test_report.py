@@ -28,7 +28,7 @@ from PIL import Image
 from cfnav_core.actions import Action
 from tests.bags.bag_files import drive as recorded
 from tests.bags.bag_files import write
-from tests.bags.evaluations import BUNDLES, evaluated, evaluation, made_drive
+from tests.bags.evaluations import BUNDLES, by_two_drivers, evaluated, evaluation, made_drive
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 FLAGS = [
@@ -46,6 +46,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     about = {
         "two bags": [evaluation("a"), evaluation("b")],
         "a real bag": [evaluate(bag, Options(bundles={"ours": ""}))],
+        "two drivers": by_two_drivers(),
         "no bundle": [bare(evaluation())],
         "no drive": [evaluation(drives=[])],
         "no bag": [],
@@ -120,9 +121,18 @@ def test_the_page_holds_every_drive_note_and_finding(pages: dict[str, Path]) -> 
         "No clearance is taken from it.", "It does not take this goal: <Fridge>.",
         "2 decisions not answered: The bag holds no picture stamped 3.5 s. Likewise the others.",
         "No topic was found for: camera_info.", "Some of this bag could not be read",
+        "or its log times where the clocks differ",
         "bump 2", "own decisions of ours", "left out, 4 drives: it touched nothing",
     ):  # fmt: skip
         assert text in re.sub(r"\s+", " ", parsed.text), text
+
+
+def test_each_driver_has_its_own_figures_when_there_are_several(pages: dict[str, Path]) -> None:
+    text = re.sub(r"\s+", " ", Page(pages["two drivers"].read_text()).text)
+    assert "Figures by driver" in text
+    assert "<i>theirs 0.33 95 %: 0.00 to 1.00 3 drives 0.67" in text
+    assert "shipped 1.00 no interval: it needs at least two drives 1 drive 1.00" in text
+    assert "Figures by driver" not in pages["two bags"].read_text()
 
 
 def test_what_is_missing_says_why(pages: dict[str, Path]) -> None:

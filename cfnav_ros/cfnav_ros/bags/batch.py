@@ -13,7 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from cfnav_ros.bags.decode import WITH_EVENTS
-from cfnav_ros.bags.episodes_file import rows_of
+from cfnav_ros.bags.episodes_file import rows_by_bag
 from cfnav_ros.bags.evaluation import Evaluation, Options, evaluate
 from cfnav_ros.bags.reading import Bag, unique_names
 from cfnav_ros.bags.roles import assign
@@ -50,9 +50,13 @@ def evaluate_all(
 
     Returns:
         In the order of the bags.
+
+    Raises:
+        EpisodesError: a row of the episodes file fits no bag, or several; nothing was evaluated.
     """
+    rows = rows_by_bag(options.rows, bags)
     each = [
-        _Task(bag, name, replace(options, rows=rows_of(options.rows, bag)))
+        _Task(bag, name, replace(options, rows=rows[bag]))
         for bag, name in zip(bags, unique_names(bags), strict=True)
     ]
     with tqdm(total=_events(bags, options) or None, unit="event", disable=not show) as bar:

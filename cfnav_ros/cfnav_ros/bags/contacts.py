@@ -41,6 +41,10 @@ BEFORE_S = 0.15
 """The speed at an impact is the largest of the odometry this long before it: three samples of a
 Create 3, as the last may have been braked by the impact already."""
 
+BEGINNING_S = 1.0
+"""A bumper whose first report comes so soon after the bag's beginning may have been pressed before:
+one that reports always has reported by then."""
+
 REARMED_M = EpisodeLimits().guard_slack
 """Clearance from which the next touch is another one: by less a way may look too short."""
 
@@ -150,20 +154,22 @@ class BumpContacts:
 
     Zones that are held count once, and reports less than ``BUMP_GAP_S`` apart are one contact,
     whichever zones they name: the rule by which the robot and the simulator count. What is pressed
-    in the first report was touched before.
+    in the first report was touched before, if the bag has just begun; later it is a contact, as
+    there are bumpers that report only when they are pressed.
     """
 
     def __init__(self) -> None:
         self._pressed_ns: int | None = None
         self._heard = False
 
-    def see(self, t_ns: int, bumps: Bumps, where: Whereabouts) -> Contact | None:
-        """Take the next report."""
+    def see(self, t_ns: int, bumps: Bumps, where: Whereabouts, begin_ns: int = 0) -> Contact | None:
+        """Take the next report; the bag begins at log time ``begin_ns``, nanoseconds."""
         first, self._heard = not self._heard, True
+        held = first and bumps.log_ns - begin_ns <= BEGINNING_S * 1e9
         if not bumps.zones:
             return None
         before, self._pressed_ns = self._pressed_ns, t_ns
-        if first or (before is not None and 0 <= t_ns - before <= BUMP_GAP_S * 1e9):
+        if held or (before is not None and 0 <= t_ns - before <= BUMP_GAP_S * 1e9):
             return None
         return where.contact(t_ns, BUMP, ", ".join(bumps.zones))
 

@@ -45,6 +45,10 @@ TILT_JOINT = "camera_tilt"
 MAX_CELLS = 20_000 * 20_000
 """Larger maps are of no building."""
 
+OCCUPIED = 65
+"""Percent from which a cell of a map is a wall: the default ``occupied_thresh`` 0.65 of Nav2's
+map_server, whose map saver takes it so too (nav2_map_server, ``map_io.cpp``)."""
+
 _STARTED, _ENDED = 0, 1
 """``EpisodeStatus.STARTED`` and ``ENDED``."""
 
@@ -224,6 +228,7 @@ def _truth(message: Any, about: dict[str, Any]) -> Truth:
 
 
 def _map(message: Any, about: dict[str, Any]) -> OccupancyMap:
+    """The map; its cells are percent, those from ``OCCUPIED`` are walls, others and -1 are not."""
     info, cells = message.info, np.asarray(message.data, np.int8)
     if not 0 < info.width * info.height <= MAX_CELLS or cells.size != info.width * info.height:
         raise ValueError(f"The map says {info.width}x{info.height} and holds {cells.size} cells.")
@@ -235,7 +240,7 @@ def _map(message: Any, about: dict[str, Any]) -> OccupancyMap:
     if abs(yaw) > 1e-3:
         raise ValueError(f"The map is turned by {yaw:.3f} rad, expected one along its frame.")
     return OccupancyMap(
-        occupied=cells.reshape(info.height, info.width) > 0,
+        occupied=cells.reshape(info.height, info.width) >= OCCUPIED,
         resolution=info.resolution,
         origin=(origin.x, origin.y),
         **about,

@@ -15,8 +15,14 @@ class Detectors:
         self._bumps, self._stalls = BumpContacts(), StallContacts()
         self._clearance = ClearanceContacts()
 
-    def see(self, t: int, event: Event) -> list[Contact]:
-        """Take an event of a time; returns the contacts that it shows."""
+    def see(self, t: int, event: Event, begin_ns: int) -> list[Contact]:
+        """Take an event of a time; returns the contacts that it shows.
+
+        Args:
+            t: nanoseconds.
+            event: any.
+            begin_ns: log time at which the bag begins, nanoseconds.
+        """
         contact: Contact | None = None
         if isinstance(event, Pose):
             self._where.see(t, event)
@@ -24,7 +30,7 @@ class Detectors:
         elif isinstance(event, Velocity):
             self._stalls.told(t, event)
         elif isinstance(event, Bumps):
-            contact = self._bumps.see(t, event, self._where)
+            contact = self._bumps.see(t, event, self._where, begin_ns)
         elif isinstance(event, Judged):
             contact = self._clearance.see(t, event, self._where)
         return [contact] if contact else []

@@ -53,7 +53,8 @@ class Drive:
         goal_at: where it is, metres in the odometry frame, None if unknown.
         reached: what the file says, None if it does not.
         bundle: that drove, as the policy node names it.
-        outcome: as the policy node tells it, ``unfinished`` without its end, else empty.
+        outcome: of the goal as the policy node tells it, ``unfinished`` without its end, else
+            empty.
         message: its sentence.
         path: float64 [N, 4]: s from the start, x, y (m), yaw (rad) in the odometry frame; thinned.
         path_length_m: by all odometry, None without.
@@ -133,6 +134,8 @@ class DriveLog:
         if isinstance(event, Contact):
             self._contacts.append(event)
             return
+        if self._of_another(event):
+            return
         self._last[type(event)] = max(t_ns, self._last.get(type(event), t_ns))
         t = (t_ns - self.start_ns) * 1e-9
         if isinstance(event, Pose):
@@ -148,7 +151,9 @@ class DriveLog:
         elif isinstance(event, OccupancyMap):
             self.map = event
         elif isinstance(event, Told) and self.row and not event.started:
-            self.outcome, self.message, self.bundle = event.outcome, event.message, event.bundle
+            self.bundle = event.bundle
+            if self.goal in ("", event.goal):
+                self.outcome, self.message = event.outcome, event.message
 
     def close(self, heard: frozenset[type[Event]]) -> Drive:
         """Make the drive.
@@ -189,10 +194,12 @@ class DriveLog:
             self._clearance = min(self._clearance, estimate.clearance)
         self._estimates.take((t, estimate.probability, estimate.clearance, float(estimate.verdict)))
 
+    def _of_another(self, event: Event) -> bool:
+        """Whether its goal shows that the robot was placed for another episode."""
+        return isinstance(event, Truth) and self.found == POLICY and event.goal != self.goal
+
     def _take_truth(self, t_ns: int, event: Truth) -> None:
-        """Take a sample; its goal tells it from a placing of the robot for another episode."""
-        if self.found == POLICY and event.goal != self.goal:
-            return
+        """Take a sample."""
         sample = event if event.t_ns == t_ns else replace(event, t_ns=t_ns)
         before = self._truths.newest
         changed = before is not None and _state(before) != _state(sample)

@@ -9,8 +9,8 @@ For bags without decisions: teleoperated, or of another stack. The rule:
   keyframe, the beginning moves along: what was decided there was decided at the latest when it
   left. A motion counts as complete, and a keyframe as not left, within tolerances; at the robot's
   first rest on a keyframe what is left over is forgotten, as each motion ends a little short.
-- A touch (a bumper zone becomes pressed, or ``touch``) ends a MoveAhead under way, as it does live:
-  a robot that drives against something never completes it.
+- A touch (a bumper zone becomes pressed, or the base stalls) ends a MoveAhead under way, as it
+  does live: a robot that drives against something never completes it.
 - Backing up is no action of the set. What was backed up by is forgotten when the robot rests
   afterwards, or after 0.25 m, and a keyframe begins.
 - The tilt's change from one of ``HORIZONS_RAD`` to the other is LookUp or LookDown.
@@ -102,6 +102,10 @@ class DrivenActions:
             return []
         self._mark(self._last, forget=True)
         return [Action.MoveAhead]
+
+    def stalled(self) -> list[Action]:
+        """The base is told to go and does not: a touch, unless the bumper tells of it already."""
+        return [] if self._pressed else self.touch()
 
     def _follow(self, pose: Pose) -> list[Action]:
         before = self._last

@@ -59,6 +59,7 @@ class Book:
 
     Attributes:
         notes: what was found of episodes that are no drives, a sentence each.
+        contacts: those that the last event showed.
     """
 
     def __init__(self, rows: Sequence[EpisodeRow] = ()) -> None:
@@ -68,6 +69,7 @@ class Book:
             rows: its rows of an episodes file; with any, only they make drives.
         """
         self.notes: list[str] = []
+        self.contacts: list[Contact] = []
         self._rows = deque(sorted(rows, key=lambda row: row.start))
         self._by_file = bool(rows)
         self._clocks = Clocks()
@@ -86,6 +88,7 @@ class Book:
 
     def see(self, event: Event) -> list[Drive]:
         """Take the next event; returns the drives that are finished with it."""
+        self.contacts = []
         if isinstance(event, Frames):
             self._take_frames(event)
         self._log_ns = max(self._log_ns, event.log_ns)
@@ -105,7 +108,8 @@ class Book:
         self._begin_rows()
         if isinstance(event, Told):
             self._hear(t, event)
-        for item in (event, *self._detectors.see(t, event)):
+        self.contacts = self._detectors.see(t, event, self._begin_ns or 0)
+        for item in (event, *self.contacts):
             when = item.t_ns if isinstance(item, Contact) else t
             self._recent.append((event.log_ns, when, item))
             self._deal(when, item)

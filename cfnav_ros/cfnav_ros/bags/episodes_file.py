@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -31,7 +31,8 @@ class EpisodeRow:
     """One drive.
 
     Attributes:
-        bag: name of the bag's folder or file, with or without its ending.
+        bag: name of the bag's folder or file, with or without its ending, and if need be with
+            folders before it.
         start: s from the beginning of the bag.
         end: s.
         goal: what was sought, empty for nothing.
@@ -72,9 +73,39 @@ def read_episodes(path: Path) -> tuple[EpisodeRow, ...]:
     return tuple(rows)
 
 
-def rows_of(rows: tuple[EpisodeRow, ...], bag: Path) -> tuple[EpisodeRow, ...]:
-    """The rows that speak of a bag."""
-    return tuple(row for row in rows if row.bag in (str(bag), bag.name, bag.stem))
+def rows_by_bag(
+    rows: Sequence[EpisodeRow], bags: Sequence[Path]
+) -> dict[Path, tuple[EpisodeRow, ...]]:
+    """The rows that speak of each bag.
+
+    Raises:
+        EpisodesError: a row fits no bag, or several; one sentence.
+    """
+    found: dict[Path, list[EpisodeRow]] = {bag: [] for bag in bags}
+    for row in rows:
+        fits = [bag for bag in bags if row.bag == str(bag)]
+        fits = fits or [bag for bag in bags if _ends(bag.absolute(), row.bag)]
+        fits = fits or [bag for bag in bags if _ends(_without_ending(bag), row.bag)]
+        if len(fits) != 1:
+            which = " and ".join(str(bag) for bag in fits) or "none of the bags"
+            raise EpisodesError(
+                f"The episodes file has a row of the bag {row.bag!r}, which fits {which}; expected "
+                "one bag: name it as the report does, or with more of its path"
+            )
+        found[fits[0]].append(row)
+    return {bag: tuple(mine) for bag, mine in found.items()}
+
+
+def _ends(bag: Path, name: str) -> bool:
+    """Whether the path of a bag ends as a name says, folder by folder."""
+    parts = Path(name).parts
+    return bag.parts[-len(parts) :] == parts
+
+
+def _without_ending(bag: Path) -> Path:
+    """A bag's path without ``.mcap``, ``.db3`` or the ``_*.mcap`` of one that is split."""
+    whole = bag.absolute()
+    return whole.with_name(whole.stem.removesuffix("_*"))
 
 
 def _table(path: Path) -> list[Any]:

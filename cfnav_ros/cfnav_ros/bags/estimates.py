@@ -40,7 +40,8 @@ class NodeTime:
     """Time as the robot's nodes had it, integer nanoseconds.
 
     That of /clock once the bag tells it, else the log time. Where /clock was recorded late, the
-    stamps of odometry, which are those of the moment, are ahead of it and tell the time.
+    stamps of odometry, which are those of the moment, are ahead of it and tell the time; without
+    /clock they may come from a base whose clock is ahead.
     """
 
     def __init__(self) -> None:
@@ -51,10 +52,11 @@ class NodeTime:
         """The time at which an event came; events are given in their order."""
         if isinstance(event, Tick):
             self._ticked = event.t_ns
-        told = event.log_ns if self._ticked is None else self._ticked
         if isinstance(event, Pose):
             self._moved = event.t_ns
-        return self._moved if 0 < self._moved - told <= AHEAD_NS else told
+        if self._ticked is None:
+            return event.log_ns
+        return self._moved if 0 < self._moved - self._ticked <= AHEAD_NS else self._ticked
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,10 @@ class _Published:
 class Estimates:
     """Judges the scans of one bag.
 
+    Its estimates are stamped in node time and logged in that of the bag.
+
     Attributes:
-        newest: the last estimate, None before the first.
+        newest: node time of the last estimate, and the estimate; None before the first.
     """
 
     def __init__(
@@ -87,26 +91,29 @@ class Estimates:
         self._period_ns = round(1e9 / p.stale_rate)
         self._time = NodeTime()
         self._now_ns: int | None = None
+        self._log_ns = 0
         self._due_ns = 0
         self._kept: deque[_Published] = deque(maxlen=MOST_KEPT)
-        self.newest: Judged | None = None
+        self.newest: tuple[int, Judged | None] = (0, None)
 
     def see(self, event: Event) -> list[Judged]:
         """The estimates that the node published since the last event and because of this one."""
         now_ns = self._time.at(event)
-        found = [
-            self._publish(due_ns, due_ns, estimate, False)
-            for due_ns in self._timer(now_ns)
-            if (estimate := self._watch.silence(due_ns * 1e-9)) is not None
-        ]
-        self._now_ns = now_ns
+        found = []
+        for due_ns in self._timer(now_ns):
+            estimate = self._watch.silence(due_ns * 1e-9)
+            if estimate is not None:
+                # where both clocks run differently, not before what was logged last
+                log_ns = max(event.log_ns - (now_ns - due_ns), self._log_ns)
+                found.append(self._publish(due_ns, due_ns, log_ns, estimate))
+        self._now_ns, self._log_ns = now_ns, event.log_ns
         if isinstance(event, Frames):
             self._hear(event)
         elif isinstance(event, LaserTurn):
             stamp = event.t_ns * 1e-9
             estimate, timely = self._watch.scan(now_ns * 1e-9, stamp, event.scan)
             stamp_ns = event.t_ns if timely else now_ns
-            found.append(self._publish(now_ns, stamp_ns, estimate, timely))
+            found.append(self._publish(now_ns, stamp_ns, event.log_ns, estimate, timely))
         return found
 
     def mount_of(self, frame: str) -> Mount | None:
@@ -149,12 +156,14 @@ class Estimates:
         for transform in event.transforms:
             self._mounting.tree.add(*transform)
 
-    def _publish(self, now_ns: int, stamp_ns: int, estimate: Estimate, of_scan: bool) -> Judged:
-        judged = Judged(t_ns=stamp_ns, log_ns=now_ns, topic=TOPIC, estimate=as_published(estimate))
+    def _publish(
+        self, now_ns: int, stamp_ns: int, log_ns: int, estimate: Estimate, of_scan: bool = False
+    ) -> Judged:
+        judged = Judged(t_ns=stamp_ns, log_ns=log_ns, topic=TOPIC, estimate=as_published(estimate))
         self._kept.append(_Published(now_ns, judged, of_scan))
         while now_ns - self._kept[0].now_ns > KEEP_NS:
             self._kept.popleft()
-        self.newest = judged
+        self.newest = now_ns, judged
         return judged
 
 

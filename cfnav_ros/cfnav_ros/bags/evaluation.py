@@ -7,19 +7,19 @@ small JPEG files.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from cfnav_core.policy import Policy
-from cfnav_ros.bags.contacts import Contact
+from cfnav_ros.bags.contacts import STALL, Contact
 from cfnav_ros.bags.decode import TILT_JOINT
 from cfnav_ros.bags.drives import Book, Drive
 from cfnav_ros.bags.episodes_file import EpisodeRow
 from cfnav_ros.bags.estimates import Estimates
-from cfnav_ros.bags.events import Event, Judged, LaserTurn
+from cfnav_ros.bags.events import Bumps, Event, Joint, Judged, LaserTurn, Picture, Pose
 from cfnav_ros.bags.film import Film
 from cfnav_ros.bags.health import Finding, Health
 from cfnav_ros.bags.outcomes import OBSERVABLE, DriveOutcome, contacts_of, judge
@@ -34,6 +34,16 @@ from cfnav_ros.scan_watch import LidarParameters
 
 TICK = 1000
 """Events between two words of progress."""
+
+STEADY: dict[str, type[Event]] = {
+    "image": Picture,
+    "scan": LaserTurn,
+    "odom": Pose,
+    "joint_states": Joint,
+    "hazards": Bumps,
+    "estimate": Judged,
+}
+"""Roles whose topics speak all the time on every robot that has them, not on some occasion only."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +105,8 @@ class Evaluation:
         findings: what is wrong with the sensors, and how it was treated.
         notes: what was chosen and what could not be read, a sentence each.
         damaged: whether some of it could not be read.
+        messages: that were read.
+        unchecked: how many of them no checksum protects: damage within them goes unnoticed.
         bundles: names that the replayed bundles give themselves, by that of their steps.
     """
 
@@ -109,6 +121,8 @@ class Evaluation:
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     damaged: bool
+    messages: int = 0
+    unchecked: int = 0
     bundles: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -144,7 +158,8 @@ def evaluate(
             if count % TICK == 0:
                 tick(TICK)
         tick(work.events % TICK)
-        return work.finish(tuple(bag.notes))
+        found = work.finish(tuple(bag.notes))
+        return replace(found, messages=bag.read, unchecked=bag.unchecked)
 
 
 class _Work:
@@ -154,10 +169,12 @@ class _Work:
         self.events = 0
         self._name, self._roles = name, roles
         self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
-        self._health, self._book, self._film = Health(), Book(options.rows), Film()
+        steady = [(t, STEADY[role]) for role, t in roles.topics.items() if role in STEADY]
+        self._health = Health({t.name: kind for t, kind in steady if t.count == 0})
+        self._book, self._film = Book(options.rows), Film()
         self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
-        self._scanned = "scan" in roles.topics
+        self._scanned = _holds(roles, "scan")
         self._infer = not _holds(roles, "decision")
         self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
@@ -186,6 +203,8 @@ class _Work:
         self._map(event)
         if not isinstance(event, LaserTurn):
             self._keep(self._book.see(event))
+            if any(contact.source == STALL for contact in self._book.contacts):
+                self._replay.stalled()
 
     def finish(self, notes: Sequence[str]) -> Evaluation:
         """The bag is over."""

@@ -30,15 +30,15 @@ class Film:
     """Keeps the pictures that decisions were taken on until their drive is over."""
 
     def __init__(self) -> None:
-        self._kept: dict[int, bytes] = {}
+        self._kept: dict[int, tuple[int, bytes]] = {}
 
-    def add(self, stamp_ns: int, rgb: np.ndarray) -> None:
-        """A decision was taken on a picture, uint8 [H, W, 3]."""
+    def add(self, stamp_ns: int, t_ns: int, rgb: np.ndarray) -> None:
+        """A decision was taken at a time (``clocks``) on a picture, uint8 [H, W, 3]."""
         if stamp_ns in self._kept:
             return
         if len(self._kept) >= MOST:
             self._kept.pop(next(iter(self._kept)))
-        self._kept[stamp_ns] = _jpeg(rgb)
+        self._kept[stamp_ns] = t_ns, _jpeg(rgb)
 
     def cut(self, drive: Drive, steps: Sequence[ReplayStep] = ()) -> Mapping[int, bytes]:
         """The pictures of a finished drive that are worth showing; those before it are dropped.
@@ -47,14 +47,15 @@ class Film:
             drive: that is over.
             steps: answers of the bundles to its decisions.
         """
-        inside = {ns: data for ns, data in self._kept.items() if ns <= drive.end_ns}
+        inside = {ns: kept for ns, kept in self._kept.items() if kept[0] <= drive.end_ns}
         for ns in inside:
             del self._kept[ns]
-        chosen = {*key_stamps(drive, sorted(inside)), *moment_stamps(steps, inside)}
-        return {ns: inside[ns] for ns in sorted(chosen)}
+        asked = {ns: t_ns for ns, (t_ns, _) in inside.items()}
+        chosen = {*key_stamps(drive, asked), *moment_stamps(steps, inside)}
+        return {ns: inside[ns][1] for ns in sorted(chosen)}
 
 
-def key_stamps(drive: Drive, stamps: Sequence[int], count: int = FRAMES) -> list[int]:
+def key_stamps(drive: Drive, asked: Mapping[int, int], count: int = FRAMES) -> list[int]:
     """Choose the pictures worth showing.
 
     First and last, those before each collision, those of vetoed decisions, that of the most
@@ -62,12 +63,13 @@ def key_stamps(drive: Drive, stamps: Sequence[int], count: int = FRAMES) -> list
 
     Args:
         drive: a finished drive.
-        stamps: of its pictures, ascending, nanoseconds.
+        asked: when each picture was decided on, nanoseconds, by its stamp.
         count: of those to choose.
     """
+    stamps = sorted(asked, key=lambda ns: asked[ns])
     if len(stamps) <= count:
-        return list(stamps)
-    times, last = np.array(stamps), len(stamps) - 1
+        return stamps
+    times, last = np.array([asked[ns] for ns in stamps]), len(stamps) - 1
     found = contacts_of(drive)
     contacts = found.get("truth", found.get(OBSERVABLE, ()))
     chosen = {int(np.searchsorted(times, c.t_ns, side="right")) - 1 for c in contacts}

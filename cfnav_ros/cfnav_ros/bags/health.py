@@ -6,9 +6,10 @@ those that were recorded or replayed ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from cfnav_ros.bags.estimates import TOPIC as MADE_AGAIN
 from cfnav_ros.bags.events import Event, Pose
 from cfnav_ros.bags.intervals import Interval
 from cfnav_ros.bags.topic_watch import TopicHealth, TopicWatch
@@ -17,14 +18,17 @@ from cfnav_ros.inputs import FUTURE_S, OTHER_TIME_S
 TREATED = {
     "gap": "Nothing is made up for it.",
     "gap of Picture": "Nothing is decided meanwhile, as on the robot.",
-    "gap of LaserTurn": "No clearance is taken from it; on the robot it counts as BLIND.",
+    "gap of LaserTurn": "No clearance is taken from it; by default the LiDAR node is BLIND then.",
     "gap of Judged": "No clearance and no contact is taken from it.",
     "gap of Pose": "The way across it counts as straight; stalls are not looked for in it.",
+    "silent": "The drives are judged without it.",
+    "silent of Judged": "The estimates are made again, as far as there are scans.",
+    "silent of Picture": "Nothing can be replayed.",
     "backward": "The messages are used in the order in which they were recorded.",
     "repeated": "The messages are used in the order in which they were recorded.",
     "unstamped": "Their log times are used instead.",
-    "late": "Their stamps are used; the robot would not have acted on them.",
-    "ahead": "Their stamps are used; the robot would not have acted on them.",
+    "late": "Their stamps are used; by default the robot would not have acted on them.",
+    "ahead": "Their stamps are used; by default the robot would not have acted on them.",
     "clock": "Log times are used instead of these stamps.",
     "frozen pictures": "They are used as they are; the policy node would stand meanwhile.",
     "frozen scans": "They are used as they are; the LiDAR node calls them BLIND.",
@@ -61,9 +65,15 @@ class Finding:
 class Health:
     """Watches every topic; feed it all events in the order of log times."""
 
-    def __init__(self) -> None:
+    def __init__(self, silent: Mapping[str, type[Event]] | None = None) -> None:
+        """Begin a bag.
+
+        Args:
+            silent: kinds of the topics that should speak all the time and hold no message, by name.
+        """
         self._begin_ns: int | None = None
-        self._watches: dict[tuple[str, type[Event]], TopicWatch] = {}
+        self._end = 0.0
+        self._watches = {key: TopicWatch(*key) for key in (silent or {}).items()}
         self._pose: Pose | None = None
 
     def see(self, event: Event) -> None:
@@ -76,16 +86,24 @@ class Health:
         watch = self._watches.get(key)
         if watch is None:
             watch = self._watches[key] = TopicWatch(*key)
-        begin = self._begin_ns or 0
-        watch.see(max(event.log_ns - begin, 0) * 1e-9, event, self._pose)
+        t = max(event.log_ns - (self._begin_ns or 0), 0) * 1e-9
+        if event.log_ns > 0 and event.topic != MADE_AGAIN:
+            self._end = t
+        watch.see(t, event, self._pose)
 
     def topics(self) -> tuple[TopicHealth, ...]:
         """Figures of all topics by name."""
-        return tuple(sorted((w.figures for w in self._watches.values()), key=lambda f: f.topic))
+        figures = []
+        for watch in self._watches.values():
+            quiet = [b - a for a, b in watch.edges(self._end)]
+            longest = max(watch.figures.longest_gap, *quiet, 0.0)
+            figures.append(replace(watch.figures, longest_gap=longest))
+        return tuple(sorted(figures, key=lambda f: f.topic))
 
     def findings(self) -> tuple[Finding, ...]:
         """All findings so far, in the order of their beginnings."""
         found = [finding for watch in self._watches.values() for finding in _findings(watch)]
+        found += [f for watch in self._watches.values() for f in _silences(watch, self._end)]
         found = [*(f for f in found if f.kind != "clock"), *_clocks(self._watches.values())]
         return tuple(sorted(found, key=lambda f: (f.start, f.topic, f.kind)))
 
@@ -112,6 +130,21 @@ def _findings(watch: TopicWatch) -> list[Finding]:
         found.append(
             Finding(name, topic, reason.start, reason.end, text, TREATED[name], reason.count)
         )
+    return found
+
+
+def _silences(watch: TopicWatch, end: float) -> list[Finding]:
+    """Where one topic said nothing yet, or nothing any more; ``end`` of the bag, s."""
+    topic, kind = watch.figures.topic, watch.figures.kind
+    if not watch.figures.messages:
+        treated = TREATED.get(f"silent of {kind}", TREATED["silent"])
+        return [Finding("silent", topic, 0.0, end, "The topic holds no message.", treated)]
+    treated = TREATED.get(f"gap of {kind}", TREATED["gap"])
+    found = []
+    for since, until in watch.edges(end):
+        where = "until the bag ends" if until == end else "after the bag begins"
+        text = f"No message that could be read for {until - since:.2f} s, {where}."
+        found.append(Finding("gap", topic, since, until, text, treated))
     return found
 
 

@@ -17,7 +17,7 @@ from cfnav_ros.bags.contacts import BUMP, OBSERVABLE, STALL, TRUTH, Contact, obs
 from cfnav_ros.bags.drive_log import FILE, POLICY, Drive
 from cfnav_ros.bags.events import Decided
 from cfnav_ros.bags.shortest import shortest_path
-from cfnav_ros.outcome import Outcome, nearest
+from cfnav_ros.outcome import UNFINISHED, Outcome, nearest
 
 SEEN_SCORE = 0.5
 """Detection score from which a goal counts as seen at Done: rather there than not."""
@@ -135,7 +135,9 @@ def judge(drive: Drive) -> DriveOutcome:
 
 
 def live_outcome(drive: Drive) -> Outcome | None:
-    """The drive as the simulator accounts for it live (``outcome.agree``), None without truth.
+    """The drive as the simulator accounts for it live (``outcome.agree``).
+
+    None without truth, or when the bag does not tell how the episode ended.
 
     Args:
         drive: an episode of the policy node.
@@ -164,28 +166,27 @@ def _successes(drive: Drive) -> dict[str, bool]:
     if not drive.goal:
         return found
     done = _done(drive)
-    if done is not None or not _says_done(drive):
-        if drive.truths and drive.truths[-1].goal == drive.goal and (done or drive.outcome):
+    if done is not None or _end_told(drive) not in ("", DONE):
+        if drive.truths and drive.truths[-1].goal == drive.goal:
             visible = done is not None and nearest(drive.truths, done.t_ns).goal_visible
             found[TRUTH] = visible
-        if done or drive.outcome:
-            found[OBSERVABLE] = done is not None and done.detection_score >= SEEN_SCORE
+        found[OBSERVABLE] = done is not None and done.detection_score >= SEEN_SCORE
     if drive.reached is not None:
         found[FILE] = drive.reached
     return found
 
 
-def _says_done(drive: Drive) -> bool:
-    """Whether the drive ended with the policy saying Done, as far as the bag tells."""
-    return drive.outcome == DONE
+def _end_told(drive: Drive) -> str:
+    """How the drive ended, as the policy node tells it; empty when the bag does not hold that."""
+    return "" if drive.outcome == UNFINISHED else drive.outcome
 
 
 def _done(drive: Drive) -> Decided | None:
-    """The Done that ended the drive; None when none did."""
-    said = [d for d in drive.decisions if d.action is Action.Done and not d.vetoed]
-    ended = drive.outcome == DONE or (
-        not drive.outcome and said and said[-1] is drive.decisions[-1]
-    )
+    """The Done for the drive's goal that ended it; None when none did."""
+    sought = [d for d in drive.decisions if d.goal == drive.goal]
+    said = [d for d in sought if d.action is Action.Done and not d.vetoed]
+    end = _end_told(drive)
+    ended = end == DONE or (not end and said and said[-1] is sought[-1])
     return said[-1] if said and ended else None
 
 
@@ -195,7 +196,9 @@ def _success(drive: Drive, by: Mapping[str, bool]) -> Fact:
             return Fact(by[source], source)
     if not drive.goal:
         return Fact(None, why="the drive has no goal")
-    if _says_done(drive):
+    if drive.outcome == UNFINISHED:
+        return Fact(None, why="the bag does not hold its end")
+    if drive.outcome == DONE:
         return Fact(None, why="it ended as done, but the bag does not hold the decision Done")
     return Fact(None, why="neither the policy nor a file says whether the goal was reached")
 

@@ -51,7 +51,8 @@ def find_bags(paths: Iterable[Path]) -> list[Path]:
             folders to be searched.
 
     Returns:
-        The bags in the order of the paths, those within one sorted by name, each once.
+        The bags in the order of the paths, those within one sorted by name, each once: a folder,
+        a file, or for one of several bags of a folder that is split ``NAME_*.mcap``.
 
     Raises:
         BagError: a path does not exist, or holds no bag.
@@ -87,14 +88,35 @@ def unique_names(bags: Sequence[Path]) -> list[str]:
 
 
 def _bags_in(folder: Path) -> list[Path]:
-    """The bags in a folder; one that is a bag itself is not searched further."""
+    """The bags in a folder; one with metadata is a bag itself and is not searched further."""
     bags = []
     for here, folders, files in os.walk(folder):
         folders.sort(key=_natural)
-        if METADATA in files or any(name.endswith(SUFFIXES) for name in files):
+        if METADATA in files:
             bags.append(Path(here))
             folders.clear()
+            continue
+        groups: dict[str, list[str]] = {}
+        for name in sorted(_packed_once(files), key=_natural):
+            groups.setdefault(_all_parts(name), []).append(name)
+        if len(groups) == 1 and not folders:  # the folder of a bag that lacks its metadata
+            bags.append(Path(here))
+            continue
+        for pattern, names in groups.items():
+            bags.append(Path(here, names[0] if len(names) == 1 else pattern))
     return bags
+
+
+def _packed_once(names: Iterable[str]) -> set[str]:
+    """The storage files among names, without those that somebody has unpacked beside them."""
+    here = {name for name in names if name.endswith(SUFFIXES)}
+    return here - {f"{name}.zstd" for name in here}
+
+
+def _all_parts(name: str) -> str:
+    """``NAME_*.mcap`` for a file that is named as a part of a split bag, else its own name."""
+    whole = name.removesuffix(".zstd")
+    return re.sub(r"_\d+(?=\.(mcap|db3)$)", "_*", whole)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
@@ -109,6 +131,7 @@ class Bag:
         path: folder or file.
         topics: as the bag's index or its metadata has them.
         notes: sentences about what could not be read; more come while it is read.
+        read: messages that were read so far.
     """
 
     def __init__(self, path: Path) -> None:
@@ -119,8 +142,11 @@ class Bag:
         """
         self.path = path
         self.notes = Notes()
+        self.read = 0
         self._reading: list[Generator[Any, None, None]] = []
-        metadata = read_metadata(path, self.notes) if path.is_dir() else Metadata()
+        self._split = "*" in path.name and not path.exists()
+        folder = path.parent if self._split else path
+        metadata = read_metadata(folder, self.notes) if folder.is_dir() else Metadata()
         self._files = self._storages(metadata)
         self.topics = self._topics(metadata)
         if not self._files:
@@ -188,15 +214,16 @@ class Bag:
 
     def _storages(self, metadata: Metadata) -> list[Storage]:
         """The files of the bag in the order of recording."""
-        if not self.path.is_dir():
+        folder = self.path.parent if self._split else self.path
+        if not folder.is_dir():
             return [_storage(self.path, self.notes)]
         try:
-            inside = [p.name for p in self.path.iterdir() if p.is_file()]
+            here = _packed_once(p.name for p in folder.iterdir() if p.is_file())
         except OSError as error:
-            self.notes.add(f"{self.path} cannot be read: {error}.")
+            self.notes.add(f"{folder} cannot be read: {error}.")
             return []
-        here = {name for name in inside if name.endswith(SUFFIXES)}
-        here -= {f"{name}.zstd" for name in here}  # somebody has unpacked them
+        if self._split:
+            here = {name for name in here if _all_parts(name) == self.path.name}
         listed = []
         for name in metadata.files:
             if found := {name, name.removesuffix(".zstd")} & here:
@@ -209,7 +236,7 @@ class Bag:
             self.notes.add(
                 f"{self.path} holds {left}, which its {METADATA} does not list: left out."
             )
-        files = [_storage(self.path / name, self.notes) for name in listed or others]
+        files = [_storage(folder / name, self.notes) for name in listed or others]
         if listed or len(files) == 1:
             return files
         return sorted(files, key=_first_ns)
@@ -237,9 +264,11 @@ class Bag:
     def _read(self, wanted: Collection[Key] | None) -> Iterator[Raw]:
         """Read the files one after the other, and unpack messages that were packed one by one."""
         read, damaged = Counter[Key](), Counter[str]()
+        self.read = 0
         for file in self._files:
             for raw in file.messages(wanted):
                 read[raw.topic.key] += 1
+                self.read += 1
                 if not raw.data.startswith(_ZSTD):
                     yield raw
                     continue

@@ -5,8 +5,9 @@ probability of its own scan, made again from the recorded scans; then the policy
 driver decided. That is what a live policy knows of itself too: a vetoed MoveAhead stays its
 previous action, as nobody tells it otherwise. Where the bag holds none, the driven actions are
 those of ``driven`` and each decision is taken on what was newest when its action began, under the
-live node's limits of age. Pure: pictures are kept undecoded for some seconds, and no more of them
-than a fixed number of bytes.
+live node's limits of age. Steps have the bag's one time (``clocks``); ages are those of node time.
+Pure: pictures are kept undecoded for some seconds, and no more of them than a fixed number of
+bytes.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from cfnav_core.actions import Action
 from cfnav_core.perception import Observation
 from cfnav_core.policy import Policy
+from cfnav_ros.bags.clocks import Clocks
 from cfnav_ros.bags.driven import DrivenActions
 from cfnav_ros.bags.estimates import Estimates, NodeTime
 from cfnav_ros.bags.events import Bumps, Decided, Event, Joint, Judged, Picture, Pose, Told
@@ -59,7 +61,7 @@ class _Moment:
 
 @dataclass
 class _Runner:
-    """A bundle at work: ``refused`` is why it does not take the drive's goal."""
+    """A bundle at work: ``refused`` is a sentence on why it does not take the drive's goal."""
 
     name: str
     policy: Policy
@@ -82,7 +84,7 @@ class Replay:
         limits: EpisodeLimits | None = None,
         infer: bool = False,
         bag: str = "",
-        look: Callable[[int, np.ndarray], None] = lambda stamp_ns, rgb: None,
+        look: Callable[[int, int, np.ndarray], None] = lambda stamp_ns, t_ns, rgb: None,
     ) -> None:
         """Prepare.
 
@@ -93,31 +95,33 @@ class Replay:
                 decisions ask; recorded ones say so themselves). Its defaults when None.
             infer: the bag holds no decisions: infer the driven actions.
             bag: name of the bag.
-            look: shown the stamp and the RGB of each picture that is decided on.
+            look: shown each picture that is decided on: its stamp, the time of the decision, RGB.
         """
         self._look = look
         self.steps: list[ReplayStep] = []
         self.left_out: list[LeftOut] = []
         self._runners = [_Runner(name, policy) for name, policy in policies.items()]
         self._estimates, self._limits, self._bag = estimates, limits or EpisodeLimits(), bag
-        self._time, self._now_ns = NodeTime(), 0
+        self._node_time, self._now_ns = NodeTime(), 0
+        self._clocks, self._t_ns = Clocks(), 0
         self._pictures = KeptPictures()
         self._waiting: deque[_Asked | Told] = deque()
         self._open: list[ReplayStep] = []
         self._goal, self._driver = "", ""
         self._drive_ns = self._step = 0
         self._driven = DrivenActions() if infer else None
-        self._view: View | None = None
+        self._seen: tuple[int, View] | None = None
 
     def see(self, event: Event) -> None:
         """Take the next event of the bag."""
-        self._now_ns = self._time.at(event)
+        self._now_ns, self._t_ns = self._node_time.at(event), self._clocks.time(event)
         if isinstance(event, Picture):
             self._pictures.add(event, self._now_ns)
         elif isinstance(event, Told):
-            self._waiting.append(event)
+            self._waiting.append(replace(event, t_ns=self._t_ns))
         elif isinstance(event, Decided) and self._driven is None:
-            self._waiting.append(_Asked(event, self._estimates.newest))
+            asked = replace(event, t_ns=self._t_ns)
+            self._waiting.append(_Asked(asked, self._estimates.newest[1]))
         if self._waiting:
             self._settle(event.log_ns)
         if self._driven is not None and isinstance(event, Pose | Bumps | Joint):
@@ -128,39 +132,34 @@ class Replay:
 
         Args:
             goal: object that is sought.
-            t_ns: node time.
+            t_ns: when, in the bag's one time.
             driver: name of the bundle that drives.
         """
         self.end(t_ns)
         self._goal, self._driver, self._drive_ns = goal, driver, t_ns
         for runner in self._runners:
-            runner.refused = runner.policy.admits(goal)
-            runner.intact = not runner.refused
-            if runner.refused:
-                reason = f"The bundle does not take this goal: {runner.refused}."
-                self.left_out.append(LeftOut(runner.name, t_ns, 0, t_ns, reason))
-            else:
+            why = runner.policy.admits(goal)
+            runner.refused = f"The bundle does not take this goal: {why}." if why else ""
+            runner.intact = not why
+            if not why:
                 runner.policy.reset(goal)
         if self._driven is not None:
             self._driven.restart()
 
     def end(self, t_ns: int) -> None:
-        """The drive, if any, ends at a node time."""
+        """The drive, if any, ends at a time of the bag."""
         self._close(t_ns)
-        self._goal, self._step, self._view = "", 0, None
+        self._goal, self._step, self._seen = "", 0, None
 
-    def touch(self) -> None:
-        """Inferred actions: the robot touches something, which ends a MoveAhead under way.
-
-        Bumps are seen anyway; this is for contacts that were found otherwise.
-        """
+    def stalled(self) -> None:
+        """Inferred actions: the base stalls, which ends a MoveAhead under way as bumps do."""
         if self._driven is not None:
-            self._infer(self._driven.touch())
+            self._infer(self._driven.stalled())
 
     def finish(self) -> None:
         """The bag ends."""
         self._settle(None)
-        self.end(self._now_ns)
+        self.end(self._t_ns)
 
     # Recorded decisions
 
@@ -226,21 +225,20 @@ class Replay:
         assert self._driven is not None
         for action in driven:
             self._take_inferred(action)
-        if self._goal and (driven or self._view is None or self._driven.at_keyframe):
-            self._view = view(self._now_ns, self._pictures, self._estimates.newest, self._limits)
+        if self._goal and (driven or self._seen is None or self._driven.at_keyframe):
+            newest = self._estimates.newest
+            self._seen = self._t_ns, view(self._now_ns, self._pictures, newest, self._limits)
 
     def _take_inferred(self, action: Action) -> None:
-        seen = self._view
-        if not self._goal or seen is None:
+        if not self._goal or self._seen is None:
             return
+        t_ns, seen = self._seen
         self._step += 1
         if seen.picture is None or seen.complaint:
-            self._leave_out(self._step, seen.t_ns, action, seen.complaint)
+            self._leave_out(self._step, t_ns, action, seen.complaint)
             return
-        self._answer(
-            _Moment(seen.t_ns, self._step, seen.picture, seen.estimate, seen.estimate, action)
-        )
-        self._close(self._now_ns)
+        self._answer(_Moment(t_ns, self._step, seen.picture, seen.estimate, seen.estimate, action))
+        self._close(self._t_ns)
 
     # Both
 
@@ -258,10 +256,11 @@ class Replay:
         except ValueError as error:
             self._leave_out(moment.step, moment.t_ns, moment.driven, str(error))
             return
-        self._look(moment.picture.t_ns, rgb)
+        self._look(moment.picture.t_ns, moment.t_ns, rgb)
         looks: dict[str, Observation] = {}
         for runner in self._runners:
             if runner.refused:
+                self._refuse(runner.name, moment, runner.refused)
                 continue
             policy = runner.policy
             try:
@@ -270,11 +269,12 @@ class Replay:
                 self._open.append(self._step_of(runner, looks[policy.perception], moment))
             except ValueError as error:
                 runner.intact = False
-                reason = f"The policy failed: {error}."
-                self.left_out.append(
-                    LeftOut(runner.name, self._drive_ns, moment.step, moment.t_ns, reason)
-                )
+                self._refuse(runner.name, moment, f"The policy failed: {error}.")
             policy.executed(moment.driven)
+
+    def _refuse(self, bundle: str, moment: _Moment, reason: str) -> None:
+        """One bundle does not answer a decision."""
+        self.left_out.append(LeftOut(bundle, self._drive_ns, moment.step, moment.t_ns, reason))
 
     def _step_of(self, runner: _Runner, seen: Observation, moment: _Moment) -> ReplayStep:
         judged = moment.estimate
@@ -295,7 +295,7 @@ class Replay:
         )  # fmt: skip
 
     def _close(self, t_ns: int) -> None:
-        """The last decision lasted until a node time."""
+        """The last decision lasted until a time of the bag."""
         self.steps += [replace(step, until_ns=max(t_ns, step.t_ns)) for step in self._open]
         self._open = []
 

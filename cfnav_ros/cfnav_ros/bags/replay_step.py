@@ -26,11 +26,12 @@ class ReplayStep:
         bag: name of the bag.
         bundle: name under which the bundle is replayed.
         driver: name of the bundle that drove, empty when somebody else did.
-        drive_ns: when the drive began; with ``bag`` the name of the drive.
+        drive_ns: when the drive began, in the bag's one time (``clocks``); with ``bag`` the name of
+            the drive.
         goal: object that is sought.
         step: 1-based within the drive.
-        t_ns: node time of the decision.
-        until_ns: node time of the next one, or of the end of the drive.
+        t_ns: when it was decided, in the same time.
+        until_ns: when the next one was, or when the drive ended, in the same time.
         image_ns: stamp of the picture.
         estimate_ns: stamp of the scan its p_hat came from; 0: the bundle's own predictor.
         driven: the action of who drove.
@@ -85,7 +86,7 @@ class ReplayStep:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A decision, or a drive (step 0), that could not be replayed; ``reason`` is one sentence.
+    """A decision that could not be replayed; ``reason`` is one sentence.
 
     ``bundle`` is empty when it concerns all of them.
     """
@@ -149,7 +150,7 @@ def labelled(steps: Sequence[ReplayStep], contacts_ns: Sequence[int]) -> list[Re
 
     Args:
         steps: of one bag.
-        contacts_ns: node times of the contacts in that bag, nanoseconds, in any order.
+        contacts_ns: times of the contacts in that bag, nanoseconds, in any order.
     """
     contacts = sorted(contacts_ns)
     found = []

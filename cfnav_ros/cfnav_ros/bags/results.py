@@ -7,6 +7,8 @@ interval over drives, and why something of it is null.
 ``facts``           what the caller says of the run: strings by name
 ``figures``         by name (``figures.over_drives``): ``value, low, high, drives``, ``sources``
                     (drives by source), ``left_out`` (drives by the reason)
+``drivers``         ``name`` (empty: not told) and ``figures`` of each bundle that drove; none when
+                    one drove them all
 ``drives``          one object a drive: the columns of ``drives.csv``
 ``bundles``         ``name, own_name, decisions, left_out, agreement`` (figures ``overall`` and
                     ``p_driven``, ``by_action``; ``answers`` by driven and own action),
@@ -14,15 +16,16 @@ interval over drives, and why something of it is null.
                     ``roc`` and ``precision_recall`` as rows of ``CollisionScores``),
                     ``reproduction`` (``Reproduction``)
 ``comparison``      ``first, second, steps, not_paired``, figures of second minus first
-``bags``            ``name, seconds, events, damaged, topics`` (by role), ``missing``, ``notes``,
+``bags``            ``name, seconds, events, damaged, messages, unchecked`` (how many of them no
+                    checksum protects), ``topics`` (by role), ``missing``, ``notes``,
                     ``left_out`` (``bundle, reason, count``), ``rates`` (``TopicHealth``, ``rate``
-                    in Hz), ``findings`` (the columns of ``health.csv``)
+                    in Hz from first to last), ``findings`` (the columns of ``health.csv``)
 ``failed``          a sentence for each bag that could not be evaluated
 =================== ==============================================================================
 
 ``drives.csv``: ``bag``, ``drive`` (number within the report), ``found, start_ns, seconds, goal,
-room, bundle, outcome, message, steps, vetoes``; the facts of ``DriveOutcome`` each with
-``*_source``; ``collisions_*`` by source; ``missing`` (which fact, and why), ``notes``.
+room, bundle`` (the driver), ``outcome, message, steps, vetoes``; the facts of ``DriveOutcome`` each
+with ``*_source``; ``collisions_*`` by source; ``missing`` (which fact, and why), ``notes``.
 
 ``decisions.csv``: ``bag``, ``drive``, ``seconds`` from its start, then the fields of ``ReplayStep``
 by their names, actions by theirs, and ``agrees, p_driven``, ``p_*`` by action.
@@ -105,6 +108,10 @@ def result_files(
     metrics = {
         "facts": dict(facts),
         "figures": {name: _mean(mean) for name, mean in summary.figures.items()},
+        "drivers": [
+            {"name": name, "figures": {key: _mean(mean) for key, mean in figures.items()}}
+            for name, figures in summary.drivers.items()
+        ],
         "drives": drives,
         "bundles": [_bundle(scores) for scores in summary.bundles],
         "comparison": [
@@ -172,6 +179,8 @@ def _bag(evaluation: Evaluation) -> dict[str, Any]:
         "seconds": evaluation.seconds,
         "events": evaluation.events,
         "damaged": evaluation.damaged,
+        "messages": evaluation.messages,
+        "unchecked": evaluation.unchecked,
         "topics": dict(evaluation.roles),
         "missing": list(evaluation.missing),
         "notes": list(evaluation.notes),

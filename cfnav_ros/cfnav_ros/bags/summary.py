@@ -8,6 +8,7 @@ from itertools import combinations
 
 from cfnav_ros.bags.evaluation import EvaluatedDrive, Evaluation
 from cfnav_ros.bags.figures import Mean, over_drives
+from cfnav_ros.bags.outcomes import DriveOutcome
 from cfnav_ros.bags.replay_step import ReplayStep, Reproduction, reproduction
 from cfnav_ros.bags.scores import (
     Agreement,
@@ -32,7 +33,7 @@ class BundleScores:
         lidar: how well p_hat from the LiDAR foretold collisions of the driven MoveAheads.
         rgb: the same of its own predictor.
         own: reproduction of the decisions of drives whose driver has its name.
-        left_out: decisions and drives that it could not answer.
+        left_out: decisions that it could not answer.
     """
 
     name: str
@@ -59,11 +60,14 @@ class Summary:
 
     Attributes:
         figures: of the recorded drives, see ``figures.over_drives``.
+        drivers: the same of each bundle that drove, by its name (empty: not told); nothing when
+            one drove them all.
         bundles: scores, in the order in which the bundles were given.
         pairs: each bundle compared with each later one.
     """
 
     figures: Mapping[str, Mean]
+    drivers: Mapping[str, Mapping[str, Mean]]
     bundles: tuple[BundleScores, ...]
     pairs: tuple[Pair, ...]
 
@@ -84,9 +88,18 @@ def summarise(evaluations: Sequence[Evaluation]) -> Summary:
     steps = {name: [s for d in drives for s in d.steps if s.bundle == name] for name in names}
     return Summary(
         figures=over_drives([drive.outcome for drive in drives]),
+        drivers=_by_driver([drive.outcome for drive in drives]),
         bundles=tuple(_scores(name, steps[name], evaluations) for name in names),
         pairs=tuple(Pair(a, b, compare(steps[a], steps[b])) for a, b in combinations(names, 2)),
     )
+
+
+def _by_driver(outcomes: Sequence[DriveOutcome]) -> dict[str, dict[str, Mean]]:
+    """The figures of each driver, when there are several."""
+    drivers = sorted({outcome.bundle for outcome in outcomes})
+    if len(drivers) < 2:
+        return {}
+    return {name: over_drives([o for o in outcomes if o.bundle == name]) for name in drivers}
 
 
 def _scores(

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, field
 
 from cfnav_ros.bags.clocks import LOOKED_AT, OTHER_CLOCK_S, Clocks
+from cfnav_ros.bags.estimates import TOPIC as MADE_AGAIN
 from cfnav_ros.bags.events import (
     Bumps,
     Decided,
@@ -34,8 +35,13 @@ LIMITS_S: dict[type[Event], float] = {
     Pose: _AGES.odometry,
     Joint: _AGES.tilt,
 }
-"""Longest time without a message, or oldest message, that the robot acts on, seconds. Other topics
-speak when something happens, so silence is no gap in them."""
+"""Longest time without a message, or oldest message, that the nodes act on by default, seconds,
+whatever the parameters of the robot. Other topics speak when something happens, so silence is no
+gap in them."""
+
+EDGE_S = 1.0
+"""Nodes and recorder start and end one after the other: silence at the beginning and the end of a
+bag is no gap for so long."""
 
 ORDERED = (Picture, LaserTurn, Pose, Joint)
 """What has one publisher and new stamps in every message."""
@@ -58,7 +64,8 @@ class TopicHealth:
         kind: of its events, such as ``Picture``.
         messages: how many.
         first: log time of the first, s from the start of the bag; ``last`` likewise.
-        longest_gap: between two messages, s of log time.
+        longest_gap: between two messages, s of log time; of a topic with a limit also between one
+            and the beginning or the end of the bag, where that is a finding.
         verdicts: s of time that the estimates of each verdict held, for a topic of estimates.
     """
 
@@ -72,7 +79,7 @@ class TopicHealth:
 
     @property
     def rate(self) -> float | None:
-        """Mean rate, messages a second; None with fewer than two."""
+        """Mean rate from the first to the last, messages a second; None with fewer than two."""
         lasted = self.last - self.first
         return (self.messages - 1) / lasted if self.messages > 1 and lasted > 0 else None
 
@@ -103,6 +110,8 @@ class TopicWatch:
         self.reasons: dict[tuple[str, str], Reason] = {}
         self._clocks = Clocks()
         self._limit = LIMITS_S.get(kind)
+        # estimates made again have node times; the scans tell of their silence
+        self._edged = self._limit is not None and topic != MADE_AGAIN
         self._ordered = kind in ORDERED
         self._stamped = kind in STAMPED
         self._frozen = Frozen()
@@ -134,6 +143,20 @@ class TopicWatch:
             self._reason("unreadable", event.reason, t)
         elif isinstance(event, Tick):
             self._order("clock jump", "", t, event.t_ns)
+
+    def edges(self, end: float) -> list[tuple[float, float]]:
+        """Silence before the first message and after the last that is too long, from and to, s.
+
+        Args:
+            end: of the bag, s from its start.
+        """
+        figures = self.figures
+        if not (self._edged and figures.messages):
+            return []
+        spoke = math.isfinite(figures.first)
+        first, last = (figures.first, figures.last) if spoke else (end, end)
+        least = max(self._limit or 0.0, EDGE_S)
+        return [(a, b) for a, b in ((0.0, first), (last, end)) if b - a > least]
 
     def _find(self, kind: str, start: float, end: float, size: float = 0.0) -> None:
         self.found.setdefault(kind, Intervals()).add(start, end, size)

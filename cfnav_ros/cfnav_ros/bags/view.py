@@ -28,24 +28,27 @@ class View:
 
 
 def view(
-    now_ns: int, pictures: KeptPictures, estimate: Judged | None, limits: EpisodeLimits
+    now_ns: int,
+    pictures: KeptPictures,
+    newest: tuple[int, Judged | None],
+    limits: EpisodeLimits,
 ) -> View:
     """Look at what is newest.
 
     Args:
         now_ns: node time.
         pictures: those of late.
-        estimate: the newest.
+        newest: node time at which the newest estimate came, and the estimate.
         limits: the ages, and whether the LiDAR is used.
     """
     came_ns, picture = pictures.newest
-    estimate = estimate if limits.lidar else None
+    published_ns, estimate = newest if limits.lidar else (0, None)
     inputs, arrived = Inputs(), {}
     if picture is not None:
         inputs, arrived["frame"] = replace(inputs, frame=Frame(picture.t_ns)), came_ns * 1e-9
     if estimate is not None:
         made = StampedEstimate(estimate.t_ns, estimate.estimate)
-        inputs, arrived["estimate"] = replace(inputs, estimate=made), estimate.log_ns * 1e-9
+        inputs, arrived["estimate"] = replace(inputs, estimate=made), published_ns * 1e-9
     inputs = replace(inputs, arrived=arrived)
     names = ("frame", "estimate") if limits.lidar else ("frame",)
     found = [
