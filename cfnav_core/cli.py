@@ -37,8 +37,10 @@ class Evaluate:
     sample: bool = False
     """Sample actions instead of taking the most probable one."""
     p_hat: PHat = "own"
-    """Collision probability: its own prediction, zero, its own of another episode, or the true
-    flag."""
+    """Collision probability: its own prediction, zero, its own of another episode, the true flag,
+    or what the LiDAR says (python -m sim_bridge.scans, then python -m cfnav_ros.lidar_states)."""
+    veto: bool = False
+    """The LiDAR may forbid a MoveAhead, as on the robot."""
     against: Path | None = None
     """A second bundle or checkpoint on the same episodes: adds the paired difference."""
     json: Path | None = None
@@ -50,7 +52,8 @@ class Evaluate:
         from cfnav_core.evaluate import evaluate, paired_difference
 
         arguments = (
-            self.scenes, self.episodes, self.seed, self.sample, self.p_hat, self.rooms, self.frozen
+            self.scenes, self.episodes, self.seed, self.sample, self.p_hat, self.rooms,
+            self.frozen, self.veto,
         )  # fmt: skip
         first = evaluate(self.policy, *arguments)
         command = shlex.join(["cfnav", *sys.argv[1:]])

@@ -17,9 +17,9 @@ MethodName = Literal[
 ModelName = Literal[
     "compact", "baseline_label", "baseline_word", "hoz", "lstde", "akgvp", "mjolnir", "tdanet"
 ]
-PHat = Literal["own", "zero", "shuffled", "true"]
+PHat = Literal["own", "zero", "shuffled", "true", "lidar"]
 """What a policy is given as collision probability at test: its own prediction, zero, its own
-prediction of another episode, or the true flag."""
+prediction of another episode, the true flag, or what the LiDAR node would say."""
 RewardName = Literal["baseline", "hoz", "layout", "mjolnir", "similarity"]
 
 
@@ -35,6 +35,8 @@ class Hyperparameters:
     """Parallel episodes B, one update a rollout; more of them mean fewer updates."""
     rollout_length: int = 20
     """t_max: steps between updates."""
+    episode_steps: int = 0
+    """Most actions of a training episode, the lineage's are cut at 30; 0: as many as at test."""
     gamma: float = 0.99
     """Discount of returns."""
     gae_lambda: float = 0.95
@@ -130,6 +132,7 @@ class TrainOptions:
         least = {
             "stage1_episodes": (hp.stage1_episodes, 0), "stage2_episodes": (hp.stage2_episodes, 0),
             "batch": (hp.batch, 1), "rollout_length": (hp.rollout_length, 1),
+            "episode_steps": (hp.episode_steps, 0),
             "validation_every": (self.validation_every, 1),
             "validation_episodes": (self.validation_episodes, 1),
             "checkpoint_s": (self.checkpoint_s, 0), "threads": (self.threads, 1),

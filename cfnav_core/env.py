@@ -307,9 +307,12 @@ class ObjectNavEnv:
         bank: the scenes; the environment lives on its device.
         batch: B, or one's part of all episodes.
         rng: source of all randomness, the same for everybody who runs a part.
+        most_steps: of an episode, where fewer than at test; 0: as many as there.
     """
 
-    def __init__(self, bank: SceneBank, batch: int | Part, rng: np.random.Generator) -> None:
+    def __init__(
+        self, bank: SceneBank, batch: int | Part, rng: np.random.Generator, most_steps: int = 0
+    ) -> None:
         self.bank, self.rng = bank, rng
         self.part = batch if isinstance(batch, Part) else Part(0, batch, batch)
         self.batch, self.device = self.part.batch, bank.device
@@ -319,6 +322,8 @@ class ObjectNavEnv:
         self._room = self._tensor(bank.room)
         self._next, self._visible = self._tensor(bank.next_state), self._tensor(bank.visible)
         self._collided, self._limit = self._tensor(bank.collided), self._tensor(bank.step_limit)
+        if most_steps:
+            self._limit = self._limit.clamp(max=most_steps)
         states, goals = bank.sample(self._draw())
         self.state, self.goal = self._tensor(states), self._tensor(goals)
         self.steps = torch.zeros(self.batch, dtype=torch.int64, device=self.device)

@@ -22,7 +22,11 @@ from cfnav_core.perception import Perception
 from cfnav_core.published.keys import Key, state_of
 from cfnav_core.published.start_states import StartState, identity, read_episodes
 from cfnav_core.scene import SceneError
+from cfnav_core.scenes import lidar_of
 from cfnav_core.vocabulary import ROOM_TYPES
+
+VETO_PROBABILITY = 0.5
+"""From which the LiDAR forbids a MoveAhead; the policy node's default."""
 
 LONG_EPISODE = 5
 """Fewest actions (Done included) of the "length 5 or more" subset of the lineage."""
@@ -97,7 +101,8 @@ class Trace:
 
 def run_episodes(
     networks: Networks, bank: SceneBank, episodes: Episodes, sample_seed: int | None = None,
-    p_hat: PHat = "own", trace: list[Trace] | None = None,
+    p_hat: PHat = "own", lidar: np.ndarray | None = None, veto: bool = False,
+    trace: list[Trace] | None = None,
 ) -> list[EpisodeResult]:  # fmt: skip
     """Run all episodes side by side.
 
@@ -107,6 +112,8 @@ def run_episodes(
         episodes: starts and goals in them.
         sample_seed: draw actions with this seed; argmax when None.
         p_hat: what the policy is given; see ``PHat``.
+        lidar: float32 [S], what the LiDAR node says in every state; for p_hat "lidar" and veto.
+        veto: a MoveAhead that the LiDAR forbids is not carried out, as on the robot.
         trace: gets what happened at each step.
 
     Returns:
@@ -133,6 +140,9 @@ def run_episodes(
             given = bank.collided[at].astype(np.float32)
         elif p_hat == "shuffled":
             given = rng.permutation(networks.predict(sight, now))
+        elif p_hat == "lidar":
+            assert lidar is not None
+            given = lidar[at]
         pi, _ = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:
@@ -141,11 +151,15 @@ def run_episodes(
         state.put(alive, now)
         if trace is not None:
             trace.append(Trace(np.flatnonzero(alive), at, action))
-        done = action == Action.Done
+        done, ahead = action == Action.Done, action == Action.MoveAhead
+        forbidden = np.zeros(len(at), bool)
+        if veto:
+            assert lidar is not None
+            forbidden = ahead & (lidar[at] >= VETO_PROBABILITY)
         steps[alive] += 1
-        collisions[alive] += (action == Action.MoveAhead) & bank.collided[at]
+        collisions[alive] += ahead & bank.collided[at] & ~forbidden
         success[alive] = done & bank.visible[at, episodes.goals[alive]]
-        where[alive] = bank.next_state[at, action]
+        where[alive] = np.where(forbidden, at, bank.next_state[at, action])
         alive[alive] = ~done
         alive &= steps < limit
         if not alive.any():
@@ -253,8 +267,11 @@ def _origin(head: dict[str, Any]) -> dict[str, Any]:
 def evaluate(
     path: Path, scenes: Path, episodes: int, seed: int, sample: bool = False,
     p_hat: PHat = "own", rooms: Sequence[str] = (), frozen: Path | None = None,
+    veto: bool = False, most: int | None = None,
 ) -> Evaluation:  # fmt: skip
     """Run a bundle or a checkpoint on frozen episodes: of a file, or drawn from a seed.
+
+    The first ``most`` of a file when there are more.
 
     Raises:
         BundleError: the bundle cannot be used.
@@ -262,11 +279,14 @@ def evaluate(
         SceneError: the scenes cannot be used, or were made with another perception.
     """
     candidate = Candidate.load(path)
-    starts = read_episodes(frozen) if frozen else []
+    starts = read_episodes(frozen)[:most] if frozen else []
     bank = SceneBank.load(scenes, rooms or sorted({s.scene for s in starts}))
     _check_fits(candidate, path, bank, scenes)
     drawn = Episodes.thaw(bank, starts) if frozen else Episodes.draw(bank, episodes, seed)
-    results = run_episodes(candidate.networks, bank, drawn, seed if sample else None, p_hat)
+    lidar = lidar_of(scenes, bank.names) if veto or p_hat == "lidar" else None
+    results = run_episodes(
+        candidate.networks, bank, drawn, seed if sample else None, p_hat, lidar, veto
+    )
     return Evaluation(candidate.what, bank, drawn, results)
 
 

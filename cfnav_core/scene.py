@@ -27,6 +27,12 @@ SCHEMA = 2
 PICTURES = "pictures.npy"
 """Optional beside the arrays: uint8 [S, 150, 150, 3], to make the features again from."""
 
+SCANS = "scans.npy"
+"""Optional: float32 [P, 8, N], what a LiDAR measures at each position and heading, metres."""
+
+LIDAR = "lidar.npy"
+"""Optional: float32 [S], the LiDAR node's probability that MoveAhead collides."""
+
 ARRAYS = (
     "features", "detections", "next_state", "collided", "visible", "position", "heading", "horizon",
     "positions", "instances", "distance",

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from cfnav_core.published.layouts import LAYOUTS, Layout
 from cfnav_core.rooms import SPLIT_NAMES, parse_room, parse_rooms, room_folder, rooms_in
-from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scene import LIDAR, SCANS, OfflineScene, SceneError
 from cfnav_core.store import BUILT_IN, HEAD, StoreHead, open_store
 
 
@@ -54,6 +56,39 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
     if (folder / HEAD).exists():
         return open_store(folder, names)
     return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]
+
+
+def lidar_of(folder: Path, names: Sequence[str]) -> np.ndarray:
+    """What the LiDAR node says in every state of scenes.
+
+    Args:
+        folder: of built-in scenes.
+        names: of the scenes, as in ``SceneBank``.
+
+    Returns:
+        float32 [S] over all scenes in order: its probability that MoveAhead collides.
+
+    Raises:
+        SceneError: a scene has none, or one of another version of it.
+    """
+    found = []
+    for name in names:
+        room = room_folder(folder, *parse_room(name))
+        try:
+            states = len(np.load(room / "collided.npy", mmap_mode="r"))
+            p = np.load(room / LIDAR)
+        except OSError:
+            raise SceneError(
+                f"found no {LIDAR} in {room}; make it with python -m sim_bridge.scans {folder} "
+                f"--rooms {name}, then python -m cfnav_ros.lidar_states {folder}"
+            ) from None
+        if p.shape != (states,):
+            raise SceneError(
+                f"found {LIDAR} of shape {p.shape} in {room}, expected {(states,)}; remove it "
+                f"and {SCANS}, then make both again"
+            )
+        found.append(p)
+    return np.concatenate(found)
 
 
 def layout_of(folder: Path) -> Layout | None:

@@ -53,7 +53,7 @@ class Synchronous:
         torch.manual_seed(int(own.generate_state(1)[0]))
         rng = np.random.default_rng([seed, run.episodes])
         self.generator = torch.Generator().manual_seed(seed * 7_919 + run.episodes)
-        self.env = ObjectNavEnv(run.bank, run.ranks.part(run.hp.batch), rng)
+        self.env = ObjectNavEnv(run.bank, run.ranks.part(run.hp.batch), rng, run.hp.episode_steps)
         self.memory = Memory.zeros(self.env, run.agent)
 
     def round(self) -> dict[str, float]:

@@ -163,10 +163,10 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
     # what is mapped from disk is in memory once for all workers
     bank = SceneBank.load(options.scenes, options.train_rooms, in_memory=False)
     agent = new_agent(config, bank.inputs, knowledge)
-    env = ObjectNavEnv(bank, 1, np.random.default_rng(seed))
+    method, hp = METHODS[config.method], config.hyperparameters
+    env = ObjectNavEnv(bank, 1, np.random.default_rng(seed), hp.episode_steps)
     memory = Memory.zeros(env, agent)
     generator = torch.Generator().manual_seed(torch.initial_seed())
-    method, hp = METHODS[config.method], config.hyperparameters
     policy, predictor = (
         Copy(learner, own, hp.lr, hp.max_grad_norm)
         for learner, own in zip((shared.policy, shared.predictor), agent.parameters(), strict=True)

@@ -4,5 +4,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 compile=(uv pip compile --quiet --universal --python-version 3.11 --upgrade --custom-compile-command scripts/lock.sh)
 "${compile[@]}" pyproject.toml --group build --output-file requirements/demo.txt
-"${compile[@]}" pyproject.toml --group build --group test --extra train --no-emit-package torch \
+"${compile[@]}" pyproject.toml --group build --group test --extra train --extra cluster --no-emit-package torch \
   --constraint requirements/demo.txt --output-file requirements/test.txt

@@ -110,10 +110,10 @@ def jobs_of(rows: Iterable[Row], seeds: int, preset: PresetName, perception: str
         perception: identity of the scenes' perception.
     """
     wanted: dict[Job, None] = {}
-    methods = dict.fromkeys((r.model, r.split, m) for r in rows for m in (r.method, r.against) if m)
+    compared = [of for row in rows for of in (row, row.reference) if of]
     for seed in range(seeds):
-        for model, split, method in methods:
-            job = Job(model, method, split, seed, preset, perception)
+        for row in compared:
+            job = Job(row.model, row.method, row.split, seed, preset, perception)
             if job.stage1:
                 wanted[job.stage1] = None
             wanted[job] = None

@@ -27,11 +27,13 @@ class Preset:
         runs: sizes and numbers by model.
         validations: of a run, equally spaced; those of stage two choose its checkpoint.
         validation_episodes: of each.
+        test_episodes: of the frozen ones, from the first; all when None.
     """
 
     runs: dict[ModelName, RunConfig]
     validations: int = 20
     validation_episodes: int = 600
+    test_episodes: int | None = None
 
 
 SMALL = RunConfig(
@@ -57,5 +59,7 @@ TINY = RunConfig(
 PRESETS: dict[PresetName, Preset] = {
     "small": Preset(dict.fromkeys(MODELS, SMALL)),
     "full": Preset(dict.fromkeys(MODELS, FULL), validations=100, validation_episodes=1000),
-    "tiny": Preset(dict.fromkeys(MODELS, TINY), validations=2, validation_episodes=20),
+    "tiny": Preset(
+        dict.fromkeys(MODELS, TINY), validations=2, validation_episodes=20, test_episodes=40
+    ),
 }

@@ -6,7 +6,7 @@ deviation over five trials.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from cfnav_core.config import MethodName, ModelName, PHat
@@ -37,6 +37,7 @@ class Row:
         model: row of ``MODELS``. method: row of ``METHODS``. split: row of ``SPLITS``.
         paper: what the paper says, None for rows of our own.
         p_hat: what the policy is given at test in place of its own prediction.
+        veto: the LiDAR may forbid a MoveAhead at test.
         against: method of the row that the gain is over, in the same model and split.
     """
 
@@ -47,7 +48,15 @@ class Row:
     split: Split
     paper: Published | None = None
     p_hat: PHat = "own"
+    veto: bool = False
     against: MethodName | None = None
+
+    @property
+    def reference(self) -> Row | None:
+        """What the gain is over."""
+        if self.against is None:
+            return None
+        return replace(self, method=self.against, p_hat="own", veto=False, against=None)
 
 
 PAIRS: tuple[tuple[ModelName, Split, Published, Published], ...] = (
@@ -78,7 +87,10 @@ COMPARED: tuple[tuple[str, str, MethodName, Published], ...] = (
 )
 """Methods beside plain and ours, on L-sTDE and Offline Data 1."""
 
-GIVEN: tuple[PHat, ...] = ("zero", "shuffled", "true")
+GIVEN: dict[PHat, str] = {
+    "zero": "zero for p_hat", "shuffled": "shuffled p_hat", "true": "the true flag for p_hat",
+    "lidar": "LiDAR for p_hat",
+}  # fmt: skip
 """In place of the policy's own prediction."""
 
 STUDIED: tuple[ModelName, Split] = ("lstde", "data1")
@@ -111,15 +123,24 @@ def _studied(table: str) -> list[Row]:
 
 
 def _own() -> list[Row]:
-    """What the probability is worth: ours with another one in its place, in every pair."""
+    """What the probability is worth, and the LiDAR, in every pair."""
     rows = []
     for model, split, *_ in PAIRS:
-        for p_hat in GIVEN:
-            name = f"ours ({NAMES[model]}), {p_hat} probability"
-            rows.append(Row("own", name, model, "ours", split, p_hat=p_hat, against="plain"))
+        name = NAMES[model]
+        for p_hat, words in GIVEN.items():
+            rows.append(
+                Row("own", f"ours ({name}), {words}", model, "ours", split, p_hat=p_hat,
+                    against="plain")
+            )  # fmt: skip
+        rows += [
+            Row("own", f"{name}, LiDAR veto", model, "plain", split, veto=True, against="plain"),
+            Row("own", f"ours ({name}), LiDAR veto", model, "ours", split, p_hat="lidar",
+                veto=True, against="plain"),
+        ]  # fmt: skip
     model, split = STUDIED
-    name = f"Reward Only ({NAMES[model]})"
-    rows.append(Row("own", name, model, "reward_only", split, against="plain"))
+    rows.append(
+        Row("own", f"Reward Only ({NAMES[model]})", model, "reward_only", split, against="plain")
+    )
     return rows
 
 

@@ -11,11 +11,20 @@ from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Places, jobs_of
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
-from cfnav_core.benchmark.tables import Bench, Figures, as_csv, as_json, as_markdown, figures_of
+from cfnav_core.benchmark.tables import (
+    Bench,
+    Figures,
+    as_csv,
+    as_json,
+    as_markdown,
+    figures_of,
+    figures_of_chance,
+)
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import KnowledgeCommand
+from cfnav_core.published.start_states import read_episodes
 from cfnav_core.run import BEST
-from cfnav_core.scenes import open_scenes
+from cfnav_core.scenes import lidar_of, open_scenes
 from cfnav_core.whole import write_file
 
 PATHS = 3
@@ -46,6 +55,8 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     bench = Bench(
         places, options.episodes.resolve(), options.seeds, options.preset, perception, command
     )
+    if not options.train_only:
+        _check_lidar(rows, bench)
     jobs = jobs_of(rows, options.seeds, options.preset, perception)
     executor = _executor(options)
     try:
@@ -60,6 +71,9 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     finally:
         executor.close()
     found = [figures_of(row, bench, ROWS) for row in rows]
+    if "own" in options.tables:
+        splits = dict.fromkeys(row.split for row in rows)
+        found += [figures_of_chance(split, bench) for split in splits]
     write_tables(found, places.out)
     draw_figures(rows, bench)
     return found
@@ -78,6 +92,13 @@ def _chosen(options: Benchmark) -> list[Row]:
     return rows
 
 
+def _check_lidar(rows: Sequence[Row], bench: Bench) -> None:
+    """Rather now than after hours of training."""
+    for split in {row.split for row in rows if row.veto or row.p_hat == "lidar"}:
+        starts = read_episodes(bench.frozen(split).frozen)
+        lidar_of(bench.places.scenes, sorted({start.scene for start in starts}))
+
+
 def _executor(options: Benchmark) -> Executor:
     if not options.ray:
         return Local(options.jobs)
@@ -91,12 +112,9 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
     """Every test that the rows need, each once."""
     wanted: dict[Task, None] = {}
     for row in rows:
-        for seed in range(bench.seeds):
-            job = bench.job(row, row.method, seed)
-            wanted[Task(job, bench.places, bench.test(row, row.p_hat))] = None
-            if row.against:
-                plain = bench.job(row, row.against, seed)
-                wanted[Task(plain, bench.places, bench.test(row, "own"))] = None
+        for of in filter(None, (row, row.reference)):
+            for seed in range(bench.seeds):
+                wanted[Task(bench.job(of, of.method, seed), bench.places, bench.test(of))] = None
     return list(wanted)
 
 
@@ -135,6 +153,9 @@ def draw_figures(rows: Sequence[Row], bench: Bench) -> None:
             for method in (ours.against, ours.method)
             if method
         )
-        frozen = bench.test(ours, "own").frozen
+        frozen = bench.test(ours).frozen
         pairs = find_pairs(before, after, bench.places.scenes, frozen, PATHS)
-        draw_paths(pairs, (NAMES[model], ours.name), bench.places.out / "paths.png")
+        if pairs:
+            draw_paths(pairs, (NAMES[model], ours.name), bench.places.out / "paths.png")
+        else:
+            print("no picture of paths: seed 0 of ours improved no episode")

@@ -8,12 +8,14 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from cfnav_core.benchmark.chance import chance
 from cfnav_core.benchmark.jobs import Job, Places
-from cfnav_core.benchmark.presets import PresetName
-from cfnav_core.benchmark.rows import Row
+from cfnav_core.benchmark.presets import PRESETS, PresetName
+from cfnav_core.benchmark.rows import Row, Split
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.tested import Tested, TestOf
 from cfnav_core.config import MethodName, PHat
@@ -37,6 +39,7 @@ class Figures:
     method: str
     split: str
     p_hat: str
+    veto: bool
     paper_cf_sr: float | None
     paper_cf_spl: float | None
     paper_gain: float | None
@@ -78,18 +81,23 @@ class Bench:
         """The run of a row."""
         return Job(row.model, method, row.split, seed, self.preset, self.perception)
 
-    def test(self, row: Row, p_hat: PHat) -> TestOf:
+    def test(self, row: Row) -> TestOf:
         """The test of a row."""
-        return TestOf(p_hat, self.episodes / f"{row.split}_test.json")
+        return self.frozen(row.split, row.p_hat, row.veto)
 
-    def tested(self, row: Row, method: MethodName, p_hat: PHat) -> list[Tested]:
+    def frozen(self, split: Split, p_hat: PHat = "own", veto: bool = False) -> TestOf:
+        """A test on a split's frozen episodes."""
+        frozen = self.episodes / f"{split}_test.json"
+        return TestOf(p_hat, veto, frozen, PRESETS[self.preset].test_episodes)
+
+    def tested(self, row: Row) -> list[Tested]:
         """Results by seed.
 
         Raises:
             FileNotFoundError: a run was not tested yet.
         """
-        file = self.test(row, p_hat).file
-        runs = (self.job(row, method, seed) for seed in range(self.seeds))
+        file = self.test(row).file
+        runs = (self.job(row, row.method, seed) for seed in range(self.seeds))
         return [Tested.load(run.options(self.places).out / file) for run in runs]
 
 
@@ -105,38 +113,68 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         FileNotFoundError: a run was not tested yet.
         ValueError: runs met different episodes.
     """
-    found = bench.tested(row, row.method, row.p_hat)
-    success = np.array([t.success for t in found], float)
-    cf_success = np.array([t.cf_success for t in found])
-    cf_sr, cf_spl = (
-        over_seeds(v) for v in (cf_success, np.array([t.cf_efficiency for t in found]))
-    )
+    found = bench.tested(row)
     gain = sr_gain = None
-    if row.against:
-        plain = bench.tested(row, row.against, "own")
+    if row.reference:
+        plain = bench.tested(row.reference)
         if len({t.identity for t in (*found, *plain)}) > 1:
             raise ValueError(f"found runs of {row.name} that met different episodes; test anew")
-        gain = cf_success - np.array([t.cf_success for t in plain])
-        sr_gain = success - np.array([t.success for t in plain], float)
+        gain = _difference([t.cf_success for t in found], [t.cf_success for t in plain])
+        sr_gain = _difference([t.success for t in found], [t.success for t in plain])
     rooms = found[0].rooms
     return Figures(
         table=row.table, row=row.name, model=row.model, method=row.method, split=row.split,
-        p_hat=row.p_hat,
-        paper_cf_sr=row.paper.cf_sr[0] / 100 if row.paper else None,
-        paper_cf_spl=row.paper.cf_spl[0] / 100 if row.paper else None,
+        p_hat=row.p_hat, veto=row.veto,
+        paper_cf_sr=round(row.paper.cf_sr[0] / 100, 3) if row.paper else None,
+        paper_cf_spl=round(row.paper.cf_spl[0] / 100, 3) if row.paper else None,
         paper_gain=_paper_gain(row, rows),
-        cf_sr_mean=cf_sr[0], cf_sr_std=_number(cf_sr[1]),
-        cf_spl_mean=cf_spl[0], cf_spl_std=_number(cf_spl[1]),
-        sr_mean=float(success.mean()),
-        collisions_mean=float(np.mean([t.collisions for t in found])),
-        seeds=bench.seeds, episodes=success.shape[1],
+        **_measured(found),
         gain=None if gain is None else float(gain.mean()),
         gain_ci95=None if gain is None else interval(gain, rooms),
         sr_gain=None if sr_gain is None else float(sr_gain.mean()),
         sr_gain_ci95=None if sr_gain is None else interval(sr_gain, rooms),
         command=bench.command, config_hash=bench.job(row, row.method, 0).hash,
-        commit=", ".join(sorted({t.commit for t in found})),
     )  # fmt: skip
+
+
+def figures_of_chance(split: Split, bench: Bench) -> Figures:
+    """The figures of drawn actions in a split's test episodes.
+
+    Raises:
+        SceneError: the scenes cannot be used.
+    """
+    test = bench.frozen(split)
+    found = [
+        chance(test, bench.places.scenes, seed, bench.places.out / f"random_{seed}_{test.file}")
+        for seed in range(bench.seeds)
+    ]
+    return Figures(
+        table="own", row="random", model="none", method="random", split=split, p_hat="own",
+        veto=False, paper_cf_sr=None, paper_cf_spl=None, paper_gain=None, **_measured(found),
+        gain=None, gain_ci95=None, sr_gain=None, sr_gain_ci95=None,
+        command=bench.command, config_hash="",
+    )  # fmt: skip
+
+
+def _measured(found: Sequence[Tested]) -> dict[str, Any]:
+    """Means over seeds and episodes."""
+    cf_sr, cf_spl = (
+        over_seeds(np.array(values))
+        for values in ([t.cf_success for t in found], [t.cf_efficiency for t in found])
+    )
+    return {
+        "cf_sr_mean": cf_sr[0], "cf_sr_std": _number(cf_sr[1]),
+        "cf_spl_mean": cf_spl[0], "cf_spl_std": _number(cf_spl[1]),
+        "sr_mean": float(np.mean([t.success for t in found])),
+        "collisions_mean": float(np.mean([t.collisions for t in found])),
+        "seeds": len(found), "episodes": len(found[0].success),
+        "commit": ", ".join(sorted({t.commit for t in found})),
+    }  # fmt: skip
+
+
+def _difference(found: Sequence[np.ndarray], plain: Sequence[np.ndarray]) -> np.ndarray:
+    """float64 [seeds, N], paired."""
+    return np.array(found, float) - np.array(plain, float)
 
 
 def _paper_gain(row: Row, rows: Sequence[Row]) -> float | None:
@@ -145,7 +183,7 @@ def _paper_gain(row: Row, rows: Sequence[Row]) -> float | None:
     of = (row.table, row.model, row.split, row.against)
     plain = next(r for r in rows if (r.table, r.model, r.split, r.method) == of)
     assert plain.paper
-    return round(row.paper.cf_sr[0] - plain.paper.cf_sr[0], 1) / 100
+    return round((row.paper.cf_sr[0] - plain.paper.cf_sr[0]) / 100, 3)
 
 
 def _number(value: float) -> float | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.config import PHat
-from cfnav_core.evaluate import evaluate
+from cfnav_core.evaluate import Evaluation, evaluate
 from cfnav_core.run import BEST
 from cfnav_core.whole import whole, writing
 
@@ -19,18 +19,28 @@ class TestOf:
 
     Attributes:
         p_hat: the probability that the policy is given.
+        veto: the LiDAR may forbid a MoveAhead.
         frozen: file of the test episodes.
+        most: how many of them, from the first; all when None.
     """
 
     __test__ = False  # pytest takes it for one of its own
 
     p_hat: PHat
+    veto: bool
     frozen: Path
+    most: int | None = None
 
     @property
     def file(self) -> str:
         """Name of its results in the run's folder."""
-        return f"{self.frozen.stem}_{self.p_hat}.npz"
+        of = "" if self.most is None else f"_{self.most}"
+        return f"{self.frozen.stem}{of}_{self.p_hat}{'_veto' if self.veto else ''}.npz"
+
+    @property
+    def name(self) -> str:
+        """In words, for people."""
+        return f"test, {self.p_hat} p_hat{', veto' if self.veto else ''}"
 
 
 @dataclass(frozen=True)
@@ -79,9 +89,20 @@ def run_test(test: TestOf, folder: Path, scenes: Path) -> None:
         SceneError: the scenes are not those of the run.
         WriteError: the results cannot be written.
     """
-    found = evaluate(folder / BEST, scenes, 0, 0, p_hat=test.p_hat, frozen=test.frozen)
+    found = evaluate(
+        folder / BEST, scenes, 0, 0, p_hat=test.p_hat, frozen=test.frozen, veto=test.veto,
+        most=test.most,
+    )  # fmt: skip
+    save(found, folder / test.file)
+
+
+def save(found: Evaluation, path: Path) -> None:
+    """Write an evaluation for ``Tested.load``.
+
+    Raises:
+        WriteError: the results cannot be written.
+    """
     results = found.results
-    path = folder / test.file
     with writing(path), whole(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,

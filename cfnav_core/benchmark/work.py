@@ -46,7 +46,7 @@ class Task:
     def name(self) -> str:
         """In words, for people."""
         job = self.job
-        what = f"test, {self.test.p_hat} p_hat" if self.test else "train"
+        what = self.test.name if self.test else "train"
         return f"{job.split} {job.model} {job.method} seed {job.seed}: {what}"
 
     @property
@@ -68,7 +68,7 @@ class Task:
         content: dict[str, Any] = asdict(self)
         content["places"] = {k: str(v) for k, v in asdict(self.places).items()}
         if self.test:
-            content["test"] = {k: str(v) for k, v in asdict(self.test).items()}
+            content["test"] = {**asdict(self.test), "frozen": str(self.test.frozen)}
         write_json(path, content)
         return path
 
@@ -78,7 +78,7 @@ class Task:
         found = json.loads(path.read_text())
         places = Places(**{k: Path(v) for k, v in found.pop("places").items()})
         test = found.pop("test")
-        of = TestOf(test["p_hat"], Path(test["frozen"])) if test else None
+        of = TestOf(**{**test, "frozen": Path(test["frozen"])}) if test else None
         return cls(job=Job(**found.pop("job")), places=places, test=of, **found)
 
     def do(self) -> None:

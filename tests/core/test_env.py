@@ -84,6 +84,14 @@ def test_step_limit_truncates_and_restart_forgets(bank):
     assert set(np.unique(bank.step_limit)) == {100, 200}
 
 
+def test_training_episodes_can_be_shorter(bank):
+    env = ObjectNavEnv(bank, 8, np.random.default_rng(0), most_steps=30)
+    turn = torch.full((env.batch,), int(Action.RotateLeft))
+    ends = [bool(env.step(turn).truncated.any()) for _ in range(29)]
+    assert not any(ends)
+    assert env.step(turn).truncated.all()
+
+
 def test_same_seed_same_rollout(bank):
     def states(seed: int) -> list[int]:
         env, actions = make(bank, 8, seed), torch.Generator().manual_seed(0)

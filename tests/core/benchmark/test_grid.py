@@ -86,9 +86,9 @@ def test_a_task_survives_its_file(places: Places) -> None:
     train = Task(OURS, places, None, "cpu", "medium")
     train.folder.mkdir(parents=True)
     assert Task.load(train.save()) == train
-    test = Task(OURS, places, TestOf("shuffled", Path("docs/data1_test.json")))
+    test = Task(OURS, places, TestOf("shuffled", True, Path("docs/data1_test.json"), 40))
     assert Task.load(test.save()) == test
-    assert test.result.name == "data1_test_shuffled.npz"
+    assert test.result.name == "data1_test_40_shuffled_veto.npz"
     assert not test.ready
     train.result.touch()
     assert test.ready

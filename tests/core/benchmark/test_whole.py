@@ -1,0 +1,109 @@
+"""``cfnav benchmark`` from scenes to tables and figures, with small scenes and hardly any training.
+
+The grid runs on a local Ray cluster of two workers, then goes on without it.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfnav_core.benchmark.command import Benchmark
+from cfnav_core.benchmark.run import run_benchmark
+from cfnav_core.env import SceneBank
+from cfnav_core.evaluate import Episodes
+from cfnav_core.published.start_states import write_episodes
+from cfnav_core.rooms import SPLITS, parse_rooms, room_folder
+from cfnav_core.scene import LIDAR, SceneError
+from tests.core.worlds import hall
+
+TABLES = ("I", "own")
+OF = "data2_mjolnir_{}_seed0_*"
+
+
+@pytest.fixture(scope="module")
+def options(tmp_path_factory: pytest.TempPathFactory) -> Benchmark:
+    """The rooms of data2, each a small hall, and episodes in those that test."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    scenes, episodes = folder / "rooms", folder / "episodes"
+    for kind, seed in parse_rooms(["data2"]):
+        scene = hall(4, 4, ((1 + seed % 2, 2),), name=f"{kind}:{seed}", seed=0)
+        place = room_folder(scenes, kind, seed)
+        scene.save(place)
+        if seed in SPLITS["data2"]["test"]:
+            np.save(place / LIDAR, scene.collided.astype(np.float32))
+    bank = SceneBank.load(scenes, ["data2:test"])
+    write_episodes(episodes / "data2_test.json", Episodes.draw(bank, 60, seed=1).freeze(bank), ())
+    return Benchmark(
+        TABLES, scenes, folder / "grid", seeds=1, preset="tiny", model=("mjolnir",), jobs=2,
+        ray="local", device="cpu", episodes=episodes,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found(options: Benchmark) -> dict[str, dict[str, object]]:
+    """Rows of the summary by name."""
+    run_benchmark(options, "cfnav benchmark I own")
+    return rows_of(options)
+
+
+def rows_of(options: Benchmark) -> dict[str, dict[str, object]]:
+    rows = json.loads((options.out / "summary.json").read_text())["rows"]
+    return {row["row"]: row for row in rows}
+
+
+def test_every_row_is_there_with_what_the_paper_says(found) -> None:
+    assert list(found)[:2] == ["MJOLNIR-r", "ours (MJOLNIR-r)"]
+    ours = found["ours (MJOLNIR-r)"]
+    assert (ours["paper_cf_sr"], ours["paper_cf_spl"], ours["paper_gain"]) == (0.558, 0.21, 0.086)
+    assert (ours["table"], ours["split"], ours["method"]) == ("I", "data2", "ours")
+    assert (ours["seeds"], ours["episodes"]) == (1, 40)
+    assert len(str(ours["config_hash"])) == 12
+    assert ours["command"] == "cfnav benchmark I own"
+    own = [row for row in found.values() if row["table"] == "own"]
+    assert {row["p_hat"] for row in own} == {"own", "zero", "shuffled", "true", "lidar"}
+    assert found["random"]["gain"] is None
+    assert 0 <= float(str(found["random"]["sr_mean"])) < 0.3
+
+
+def test_csv_and_pages_say_the_same(options: Benchmark, found) -> None:
+    with (options.out / "summary.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [row["row"] for row in table] == list(found)
+    assert float(table[1]["cf_sr_mean"]) == found["ours (MJOLNIR-r)"]["cf_sr_mean"]
+    page = (options.out / "table_I.md").read_text()
+    assert "| data2 | ours (MJOLNIR-r) | 55.8 |" in page
+
+
+def test_stage_one_was_trained_once(options: Benchmark, found) -> None:
+    (ours,) = (options.out / "runs").glob(OF.format("ours"))
+    (plain,) = (options.out / "runs").glob(OF.format("plain"))
+    assert (ours / "stage1.safetensors").exists()
+    assert not (plain / "stage1.safetensors").exists()
+
+
+def test_going_on_does_what_is_missing_and_nothing_else(options: Benchmark, found) -> None:
+    (ours,) = (options.out / "runs").glob(OF.format("ours"))
+    (plain,) = (options.out / "runs").glob(OF.format("plain"))
+    removed = next(plain.glob("*_own.npz"))
+    removed.unlink()
+    kept = {path: path.stat().st_mtime_ns for path in ours.iterdir()}
+    run_benchmark(replace(options, ray=""), "cfnav benchmark I own")
+    assert removed.exists()
+    assert {path: path.stat().st_mtime_ns for path in ours.iterdir()} == kept
+    assert rows_of(options) == found
+
+
+def test_rows_that_need_the_lidar_say_so_before_training(options: Benchmark, tmp_path) -> None:
+    first = room_folder(options.scenes, "kitchen", 20)
+    away = (first / LIDAR).rename(tmp_path / LIDAR)
+    try:
+        with pytest.raises(SceneError, match="found no lidar"):
+            run_benchmark(replace(options, out=tmp_path / "grid"), "")
+    finally:
+        away.rename(first / LIDAR)
+    assert not (tmp_path / "grid" / "runs").exists()

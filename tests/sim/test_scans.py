@@ -1,0 +1,78 @@
+"""Scans of every state of a room, and what the LiDAR node makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sim_bridge.grid import StateGrid, state_grid
+from sim_bridge.room import generate_room
+from sim_bridge.world import World
+
+from cfnav_core.calibration import auc
+from cfnav_core.rooms import room_folder
+from cfnav_core.scene import HORIZONS, LIDAR, SCANS, OfflineScene
+from cfnav_ros import lidar_states
+from sim_bridge import scans
+from tests.core.worlds import hall
+
+ROOM = "bathroom:3"
+
+
+@pytest.fixture(scope="module")
+def grid() -> StateGrid:
+    return state_grid(World(generate_room("bathroom", 3)))
+
+
+@pytest.fixture(scope="module")
+def scenes(grid: StateGrid, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the scene of a bathroom, of pictures nothing."""
+    folder = tmp_path_factory.mktemp("rooms")
+    states, of = len(grid.next_state), hall()
+    scene = replace(
+        of, name=ROOM, room_type="bathroom", features=np.zeros((states, 4), np.float16),
+        detections=np.zeros((states, len(of.objects), 5), np.float16),
+        next_state=grid.next_state, collided=grid.collided,
+        visible=np.zeros((states, len(of.objects)), bool), position=grid.position,
+        heading=grid.heading, horizon=grid.horizon, positions=grid.positions,
+        distance=np.zeros((len(grid.positions), len(of.objects)), np.float32),
+    )  # fmt: skip
+    scene.save(room_folder(folder, "bathroom", 3))
+    scans.run(scans.Options(folder, [ROOM]))
+    return folder
+
+
+def test_a_wall_ahead_is_where_the_driver_says(scenes: Path, grid: StateGrid) -> None:
+    turns = np.load(room_folder(scenes, "bathroom", 3) / SCANS)
+    assert turns.shape == (len(grid.positions), 8, 1080)
+    # heading by heading the same surroundings, turned by 45 of 359 degrees
+    near = np.nanmedian(np.where(np.isfinite(turns), turns, np.nan), axis=2)
+    assert np.ptp(near, axis=1).max() < 0.3
+    assert near.max() < 4
+
+
+def test_probabilities_tell_collisions(scenes: Path, grid: StateGrid) -> None:
+    assert lidar_states.run(lidar_states.Options(scenes)) == 1
+    p = np.load(room_folder(scenes, "bathroom", 3) / LIDAR)
+    assert p.shape == grid.collided.shape
+    assert p.dtype == np.float32
+    np.testing.assert_array_equal(p[::HORIZONS], p[1::HORIZONS])
+    assert auc(p, grid.collided, np.ones(len(p))) > 0.97
+    assert ((p >= 0.5) == grid.collided).mean() > 0.9
+
+
+def test_rooms_that_were_scanned_are_not_scanned_again(scenes: Path) -> None:
+    path = room_folder(scenes, "bathroom", 3) / SCANS
+    before = path.stat().st_mtime_ns
+    scans.run(scans.Options(scenes, [ROOM]))
+    assert path.stat().st_mtime_ns == before
+
+
+def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> None:
+    scene = OfflineScene.load(room_folder(scenes, "bathroom", 3))
+    with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:3"):
+        scans.scan_room("bathroom", 4, scene, 1.0)
+    with pytest.raises(ValueError, match=r"found no scans\.npy"):
+        lidar_states.run(lidar_states.Options(tmp_path))
