@@ -7,6 +7,7 @@ tested offline as it is deployed, ``cfnav evaluate --p-hat lidar``, with its vet
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +22,8 @@ from cfnav_core.whole import whole, writing
 from cfnav_ros.lidar import estimate_collision
 from cfnav_ros.returns import Scan
 
-DRIVER = {
-    "angle_min": float(np.pi - np.radians(359.0)), "angle_max": float(np.pi),
-    "range_min": 0.15, "range_max": 12.0,
-}  # fmt: skip
+ANGLE_MIN, ANGLE_MAX = math.pi - math.radians(359.0), math.pi
+RANGE_MIN, RANGE_MAX = 0.15, 12.0
 """What the RPLIDAR A1's driver says of a turn (rplidar_ros, branch ros2): radians and metres."""
 
 
@@ -46,11 +45,9 @@ def probabilities(turns: np.ndarray) -> np.ndarray:
         float32 [S], by position, heading and horizon; 1 where the scan says nothing.
     """
     scans = turns.reshape(-1, turns.shape[-1])
-    increment = (DRIVER["angle_max"] - DRIVER["angle_min"]) / (scans.shape[1] - 1)
-    p = [
-        estimate_collision(Scan(ranges, angle_increment=increment, **DRIVER)).probability
-        for ranges in scans
-    ]
+    increment = (ANGLE_MAX - ANGLE_MIN) / (scans.shape[1] - 1)
+    turn = (ANGLE_MIN, ANGLE_MAX, increment, RANGE_MIN, RANGE_MAX)
+    p = [estimate_collision(Scan(ranges, *turn)).probability for ranges in scans]
     return np.repeat(np.array(p, np.float32), HORIZONS)
 
 

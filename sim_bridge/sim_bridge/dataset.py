@@ -30,6 +30,7 @@ from cfnav_core.scene import PICTURES, OfflineScene, SceneError, changed_files, 
 from cfnav_core.vocabulary import CATEGORIES
 from cfnav_core.whole import whole, writing
 from sim_bridge.room import Room, generate_room
+from sim_bridge.visual_shift import shifted
 
 BATCH = 64
 MIN_GOAL_STATES = 4
@@ -49,13 +50,16 @@ class Options:
     """perception.onnx; the shipped bundle's when absent."""
     keep_pictures: bool = False
     """Keep every picture (68 kB a state), to make features again when perception changes."""
+    visual_shift: float = 0.0
+    """Another light and lens than in training, 0 to 1 (sim_bridge.visual_shift); keep such rooms in
+    a folder of their own."""
     views: int = 0
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
 
 
-def source_identity() -> str:
+def source_identity(visual_shift: float = 0.0) -> str:
     """Identity of the program that makes rooms and pictures, comments and layout left out."""
     files = (
         "parts",
@@ -77,18 +81,20 @@ def source_identity() -> str:
             if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
                 body.pop(0)  # the docstring
         digest.update(ast.dump(tree).encode())
-    return digest.hexdigest()[:16]
+    return digest.hexdigest()[:16] + (f" shifted by {visual_shift}" if visual_shift else "")
 
 
-def render_scene(kind: str, seed: int, out: Path, perception: Path, keep_pictures: bool) -> int:
+def render_scene(
+    kind: str, seed: int, out: Path, perception: Path, keep_pictures: bool, visual_shift: float = 0
+) -> int:
     """Make the scene of a room; returns its number of states.
 
     Pictures kept from an earlier run of the same program are not rendered again.
     """
     folder, observe = room_folder(out, kind, seed), Perception(perception)
-    old = _kept(folder)
+    old = _kept(folder, visual_shift)
     if old is None:
-        scene, pictures = _render(kind, seed)
+        scene, pictures = _render(kind, seed, visual_shift)
         if keep_pictures:
             _keep(folder, pictures)
     else:
@@ -110,10 +116,10 @@ def _keep(folder: Path, pictures: np.ndarray) -> None:
             np.save(file, pictures)
 
 
-def _kept(folder: Path) -> OfflineScene | None:
+def _kept(folder: Path, visual_shift: float) -> OfflineScene | None:
     """The scene whose pictures can be used again."""
     scene = _whole(folder)
-    same = scene and scene.source == source_identity() and (folder / PICTURES).exists()
+    same = scene and scene.source == source_identity(visual_shift) and (folder / PICTURES).exists()
     return scene if same else None
 
 
@@ -126,7 +132,7 @@ def _whole(folder: Path) -> OfflineScene | None:
         return None
 
 
-def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
+def _render(kind: str, seed: int, visual_shift: float) -> tuple[OfflineScene, np.ndarray]:
     """Transitions, visibility and pictures uint8 [S, 150, 150, 3] of a room, without features."""
     from sim_bridge.camera import Camera
     from sim_bridge.grid import state_grid
@@ -141,7 +147,7 @@ def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
         for state in range(states):
             pose = grid.pose(state)
             picture = camera.picture(pose)
-            pictures[state] = preprocess(picture.rgb)
+            pictures[state] = preprocess(shifted(picture.rgb, visual_shift))
             visible[state] = camera.visible_categories(
                 pose, picture.pixels(len(world.room.objects))
             )
@@ -149,7 +155,8 @@ def _render(kind: str, seed: int) -> tuple[OfflineScene, np.ndarray]:
     often = visible.sum(0) >= MIN_GOAL_STATES
     goals = tuple(name for name, enough in zip(CATEGORIES, often, strict=True) if enough)
     scene = OfflineScene(
-        name=f"{kind}:{seed}", room_type=kind, perception="", source=source_identity(),
+        name=f"{kind}:{seed}", room_type=kind, perception="",
+        source=source_identity(visual_shift),
         objects=CATEGORIES, goals=goals, features=none, detections=none,
         next_state=grid.next_state, collided=grid.collided, visible=visible,
         position=grid.position, heading=grid.heading, horizon=grid.horizon,
@@ -173,7 +180,7 @@ def _instances(room: Room, positions: np.ndarray) -> dict[str, np.ndarray]:
     return {"instances": instances, "distance": distance}
 
 
-def render_views(kind: str, seed: int, out: Path, views: int) -> int:
+def render_views(kind: str, seed: int, out: Path, views: int, visual_shift: float = 0) -> int:
     """Render random states of a room with labels; returns their number."""
     from sim_bridge.camera import Camera
     from sim_bridge.grid import state_grid
@@ -194,7 +201,7 @@ def render_views(kind: str, seed: int, out: Path, views: int) -> int:
             pose = grid.pose(int(state))
             picture = camera.picture(pose)
             rows.append((
-                preprocess(picture.rgb), _heat(category[picture.owner]),
+                preprocess(shifted(picture.rgb, visual_shift)), _heat(category[picture.owner]),
                 _coarse(picture.depth).astype(np.float16),
                 (_coarse(flat[picture.owner]) * 255).astype(np.uint8),
                 camera.visible_categories(pose, picture.pixels(len(objects))),
@@ -217,11 +224,11 @@ def _heat(category: np.ndarray) -> np.ndarray:
     return np.minimum(counts.reshape(HEAT, HEAT, -1)[..., 1:], 255).astype(np.uint8)
 
 
-def _finished(folder: Path, views: int, perception: Path) -> bool:
-    if views:
+def _finished(folder: Path, options: Options, perception: Path) -> bool:
+    if options.views:
         return (folder / "set.json").exists()
     scene = _whole(folder)
-    made_with = (Perception(perception).identity, source_identity())
+    made_with = (Perception(perception).identity, source_identity(options.visual_shift))
     return scene is not None and (scene.perception, scene.source) == made_with
 
 
@@ -236,21 +243,28 @@ def run(options: Options) -> None:
             "found --views without --rooms; perception must not learn from rooms that test, so "
             "name others, for example --rooms kitchen:1000-1124"
         )
+    if not 0 <= options.visual_shift <= 1:
+        raise ValueError(
+            f"found --visual-shift {options.visual_shift}, expected a number from 0 to 1"
+        )
     rooms = parse_rooms(options.rooms or ["data2"])
     from sim_bridge import gl  # noqa: F401  (fails here, once, when nothing can draw)
 
     perception = options.perception or shipped_bundle() / "perception.onnx"
     if not options.views:
         Perception(perception)
-    todo = [
-        r for r in rooms if not _finished(room_folder(options.out, *r), options.views, perception)
-    ]
+    todo = [r for r in rooms if not _finished(room_folder(options.out, *r), options, perception)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         jobs = {
-            pool.submit(render_views, *room, options.out, options.views)
+            pool.submit(render_views, *room, options.out, options.views, options.visual_shift)
             if options.views
             else pool.submit(
-                render_scene, *room, options.out, perception, options.keep_pictures
+                render_scene,
+                *room,
+                options.out,
+                perception,
+                options.keep_pictures,
+                options.visual_shift,
             ): room
             for room in todo
         }

@@ -37,6 +37,9 @@ class MockParameters:
     reflexes: bool = _parameter(True, "the base backs off by itself when it bumps into something")
     docked: bool = _parameter(False, "the robot starts on its dock, LiDAR and camera stopped")
     noise: float = _parameter(1.0, "scales the noise of sensors and wheels; 0 is none")
+    visual_shift: float = _parameter(
+        0.0, "another light and lens than in training; 1 is an evening"
+    )
     clock: str = _parameter("simulated", "simulated (publishes /clock) or system (stamps only)")
     lock_step: bool = _parameter(False, "stand at every moment until the policy has answered")
     faults: str = _parameter("", "YAML file with a list of {fault, at | when, duration}")
@@ -63,6 +66,8 @@ class MockParameters:
             )
         if not 0 <= self.noise <= 10:
             raise ValueError(f"noise is {self.noise}; expected 0 to 10 times the nominal noise.")
+        if not 0 <= self.visual_shift <= 1:
+            raise ValueError(f"visual_shift is {self.visual_shift}; expected 0 (none) to 1.")
 
     @property
     def set_up(self) -> CameraSetUp:

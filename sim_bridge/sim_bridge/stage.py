@@ -18,6 +18,7 @@ from sim_bridge.grid import start_episode, state_grid
 from sim_bridge.noise import Noise, NoiseLevels
 from sim_bridge.room import generate_room, parse_room
 from sim_bridge.simulator import Simulator
+from sim_bridge.visual_shift import shifted
 from sim_bridge.world import Pose, World
 
 if TYPE_CHECKING:
@@ -124,7 +125,8 @@ class Stage:
         set_up = self._parameters.set_up
         focal = set_up.focal_share * set_up.size
         moved = focal * self.simulator.motion.w, focal * self.simulator.tilt_rate
-        return self.noise.picture(self.camera.rgb(), dt, moved)
+        seen = shifted(self.camera.rgb(), self._parameters.visual_shift)
+        return self.noise.picture(seen, dt, moved)
 
     def _start(self, world: World, camera: Camera, request: Any, response: Any) -> None:
         """Put the robot at the start, once nothing can fail any more."""
