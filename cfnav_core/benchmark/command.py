@@ -31,6 +31,8 @@ class Benchmark:
     """All built-in rooms (python -m sim_bridge.dataset --out out/rooms)."""
     out: Path = Path("out/grid")
     """Folder of the runs and the results."""
+    results: Path | None = None
+    """Folder of the summary, the tables and the figures; the grid's when absent."""
     seeds: int = 5
     """Of each row."""
     preset: PresetName = "small"

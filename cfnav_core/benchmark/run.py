@@ -9,23 +9,15 @@ from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.curves import Curve, draw_curves
 from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Places, jobs_of
+from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
-from cfnav_core.benchmark.tables import (
-    Bench,
-    Figures,
-    as_csv,
-    as_json,
-    as_markdown,
-    figures_of,
-    figures_of_chance,
-)
+from cfnav_core.benchmark.tables import Bench, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import KnowledgeCommand
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.run import BEST
 from cfnav_core.scenes import lidar_of, open_scenes
-from cfnav_core.whole import write_file
 
 PATHS = 3
 """Episodes in the path figure."""
@@ -74,8 +66,9 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     if "own" in options.tables:
         splits = dict.fromkeys(row.split for row in rows)
         found += [figures_of_chance(split, bench) for split in splits]
-    write_tables(found, places.out)
-    draw_figures(rows, bench)
+    results = options.results or places.out
+    write_tables(found, results)
+    draw_figures(rows, bench, results)
     return found
 
 
@@ -118,17 +111,7 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
     return list(wanted)
 
 
-def write_tables(found: Sequence[Figures], out: Path) -> None:
-    """Write the summary of all rows and a page of each table, and print the pages."""
-    write_file(out / "summary.json", as_json(found))
-    write_file(out / "summary.csv", as_csv(found))
-    for table in dict.fromkeys(f.table for f in found):
-        page = as_markdown([f for f in found if f.table == table])
-        write_file(out / f"table_{table}.md", page)
-        print(f"Table {table}\n\n{page}")
-
-
-def draw_figures(rows: Sequence[Row], bench: Bench) -> None:
+def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     """Draw the learning curves of Tables II and III and the paths, as far as their rows are there.
 
     The paths are of seed 0.
@@ -144,7 +127,7 @@ def draw_figures(rows: Sequence[Row], bench: Bench) -> None:
             for row in of
         ]  # fmt: skip
         hp = bench.job(of[0], of[0].method, 0).config.hyperparameters
-        draw_curves(curves, hp.stage1_episodes, bench.places.out / f"curves_{table}.png")
+        draw_curves(curves, hp.stage1_episodes, results / f"curves_{table}.png")
     studied = [row for row in rows if (row.model, row.split) == (model, split)]
     ours = next((row for row in studied if row.method == "ours"), None)
     if ours is not None:
@@ -156,6 +139,6 @@ def draw_figures(rows: Sequence[Row], bench: Bench) -> None:
         frozen = bench.test(ours).frozen
         pairs = find_pairs(before, after, bench.places.scenes, frozen, PATHS)
         if pairs:
-            draw_paths(pairs, (NAMES[model], ours.name), bench.places.out / "paths.png")
+            draw_paths(pairs, (NAMES[model], ours.name), results / "paths.png")
         else:
             print("no picture of paths: seed 0 of ours improved no episode")

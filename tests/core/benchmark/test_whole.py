@@ -16,8 +16,8 @@ from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.run import run_benchmark
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes
-from cfnav_core.published.start_states import write_episodes
-from cfnav_core.rooms import SPLITS, parse_rooms, room_folder
+from cfnav_core.published.start_states import read_episodes, write_episodes
+from cfnav_core.rooms import SPLITS, parse_room, parse_rooms, room_folder
 from cfnav_core.scene import LIDAR, SceneError
 from tests.core.worlds import hall
 
@@ -99,7 +99,8 @@ def test_going_on_does_what_is_missing_and_nothing_else(options: Benchmark, foun
 
 
 def test_rows_that_need_the_lidar_say_so_before_training(options: Benchmark, tmp_path) -> None:
-    first = room_folder(options.scenes, "kitchen", 20)
+    start = read_episodes(options.episodes / "data2_test.json")[0]
+    first = room_folder(options.scenes, *parse_room(start.scene))
     away = (first / LIDAR).rename(tmp_path / LIDAR)
     try:
         with pytest.raises(SceneError, match="found no lidar"):

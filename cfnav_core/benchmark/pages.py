@@ -1,0 +1,158 @@
+"""Rows of figures as JSON, CSV and Markdown, the paper's beside ours. No torch."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from cfnav_core.whole import write_file
+
+TABLES = ("I", "II", "III", "IV", "own")
+"""In this order they stand in the summary."""
+
+SUMMARY = "summary.json"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """One row of a table; rates are shares of 1, the paper's too.
+
+    Attributes:
+        cf_sr_std, cf_spl_std: over seeds, None for one seed.
+        gain: mean CF-SR minus that of the row it is compared with, paired by seed and episode.
+        gain_ci95: 95 % interval over seeds and rooms.
+        command: that made the row.
+        config_hash: of the runs' configuration, seed 0.
+        commit: of the code that trained them.
+    """
+
+    table: str
+    row: str
+    model: str
+    method: str
+    split: str
+    p_hat: str
+    veto: bool
+    paper_cf_sr: float | None
+    paper_cf_spl: float | None
+    paper_gain: float | None
+    cf_sr_mean: float
+    cf_sr_std: float | None
+    cf_spl_mean: float
+    cf_spl_std: float | None
+    sr_mean: float
+    collisions_mean: float
+    seeds: int
+    episodes: int
+    gain: float | None
+    gain_ci95: tuple[float, float] | None
+    sr_gain: float | None
+    sr_gain_ci95: tuple[float, float] | None
+    command: str
+    config_hash: str
+    commit: str
+
+
+def write_tables(found: Sequence[Figures], out: Path) -> None:
+    """Write tables as summary and pages, and print the pages.
+
+    Tables that the folder's summary holds already and that are not made anew stay in it; a table
+    made in part replaces only its own rows.
+
+    Args:
+        found: rows of any tables.
+        out: the folder.
+
+    Raises:
+        ValueError: the summary that is there cannot be read.
+        WriteError: the folder cannot be written.
+    """
+    rows = {_key(row): row for row in (*read_summary(out), *found)}
+    kept = sorted(rows.values(), key=lambda row: TABLES.index(row.table))
+    out.mkdir(parents=True, exist_ok=True)
+    write_file(out / SUMMARY, as_json(kept))
+    write_file(out / "summary.csv", as_csv(kept))
+    for table in dict.fromkeys(row.table for row in found):
+        page = as_markdown([row for row in kept if row.table == table])
+        write_file(out / f"table_{table}.md", page)
+        print(f"Table {table}\n\n{page}")
+
+
+def read_summary(out: Path) -> list[Figures]:
+    """The rows of a folder's summary; none where there is no summary yet.
+
+    Raises:
+        ValueError: it cannot be read.
+    """
+    path = out / SUMMARY
+    if not path.exists():
+        return []
+    try:
+        return [Figures(**row) for row in json.loads(path.read_text())["rows"]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(
+            f"found no readable summary in {path} ({error}); remove it and make the tables again"
+        ) from error
+
+
+def _key(row: Figures) -> tuple[str, ...]:
+    return row.table, row.row, row.split
+
+
+def as_json(rows: Iterable[Figures]) -> str:
+    """All figures."""
+    return json.dumps({"rows": [asdict(row) for row in rows]}, indent=1) + "\n"
+
+
+def as_csv(rows: Sequence[Figures]) -> str:
+    """All figures, a line a row."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, list(asdict(rows[0])), lineterminator="\n")
+    table.writeheader()
+    for row in rows:
+        values = asdict(row)
+        for name in ("gain_ci95", "sr_gain_ci95"):
+            ends = values[name]
+            values[name] = "" if ends is None else f"{ends[0]:.4f} {ends[1]:.4f}"
+        table.writerow(values)
+    return text.getvalue()
+
+
+def as_markdown(rows: Sequence[Figures]) -> str:
+    """A table for people, percent."""
+    lines = [
+        "| data | row | CF-SR, paper | CF-SR | gain, paper | gain [95 %] | CF-SPL, paper | CF-SPL "
+        "| SR | SR gain [95 %] | collisions per episode |",
+        "|" + "---|" * 11,
+    ]
+    for r in rows:
+        cells = (
+            r.split, r.row, _percent(r.paper_cf_sr), _spread(r.cf_sr_mean, r.cf_sr_std),
+            _signed(r.paper_gain), _change(r.gain, r.gain_ci95), _percent(r.paper_cf_spl),
+            _spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
+            _change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _percent(value: float | None) -> str:
+    return "" if value is None else f"{100 * value:.1f}"
+
+
+def _signed(value: float | None) -> str:
+    return "" if value is None else f"{100 * value:+.1f}"
+
+
+def _spread(mean: float, std: float | None) -> str:
+    return _percent(mean) + ("" if std is None else f" ± {100 * std:.1f}")
+
+
+def _change(gain: float | None, ends: tuple[float, float] | None) -> str:
+    if gain is None or ends is None:
+        return ""
+    return f"{_signed(gain)} [{_signed(ends[0])}, {_signed(ends[1])}]"
