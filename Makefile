@@ -1,6 +1,6 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-test demo test test-long lint bench bench-train bench-deploy bench-bag train-demo clean
+.PHONY: help setup setup-test demo test test-long lint bench bench-train bench-deploy bench-bag train-demo reproduce clean
 
 PYTHON ?= python3
 OUT ?= out/demo
@@ -48,6 +48,9 @@ bench-bag: setup-test ## Measure how bags are read, replayed and judged; goes on
 
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 	@$(ENV) exec scripts/train_demo.sh
+
+reproduce: setup-test ## Remake the paper's tables and figures from nothing (hours); goes on where it stopped
+	@$(ENV) exec scripts/reproduce.sh
 
 clean: ## Remove everything that was built
 	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log out build dist .pytest_cache .ruff_cache .mypy_cache

@@ -46,7 +46,7 @@ done
 cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
   --frozen docs/episodes/test_rooms_20-25.json --json "$out/metrics.json"
 for method in plain ours; do
-  python -m cfnav_ros.trials --episodes 60 --speed 0 --bundle "$out/bundle_$method" \
+  python -m cfnav_ros.trials episodes --episodes 60 --speed 0 --bundle "$out/bundle_$method" \
     --out "$out/live/$method.jsonl"
 done
 python -m cfnav_ros.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \

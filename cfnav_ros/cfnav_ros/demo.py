@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 from tqdm import tqdm
 
-from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
+from cfnav_core.bundle import BundleHead, shipped_bundle
 from cfnav_ros.bags.evaluation import Evaluation, Options, evaluate
 from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.reading import BagError
@@ -141,8 +141,7 @@ def run_trials(
             if config.goals or refused > 100:
                 raise GraphError(start.message)
             continue
-        limit = config.max_steps or (200 if trial.room.startswith("living_room") else 100)
-        done(trial, _run_one(graph, trial, limit))
+        done(trial, run_trial(graph, trial, config.max_steps))
         left -= 1
 
 
@@ -212,13 +211,20 @@ def run_to_exit(name: str, run: Callable[[], Any]) -> Any:
     except KeyboardInterrupt:
         print(f"{name}: interrupted; every process was ended", file=sys.stderr)
         sys.exit(130)
-    except (GraphError, BundleError, BagError, FolderInUseError, OSError) as error:
+    except (GraphError, BagError, FolderInUseError, ValueError, OSError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         sys.exit(1)
 
 
-def _run_one(graph: Graph, trial: Trial, max_steps: int) -> Outcome:
-    """Run one episode under a live line of progress."""
+def run_trial(graph: Graph, trial: Trial, max_steps: int = 0) -> Outcome:
+    """Drive to the goal under a live line of progress, after ``Graph.start_episode``.
+
+    Args:
+        graph: the running graph.
+        trial: which has begun.
+        max_steps: most decisions; 0: 100, and 200 in living rooms.
+    """
+    max_steps = max_steps or (200 if trial.room.startswith("living_room") else 100)
     title = f"{trial.room} {trial.goal}"
     with tqdm(desc=title, bar_format="{desc} [{elapsed}]", leave=False) as line:
 

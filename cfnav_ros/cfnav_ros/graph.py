@@ -6,6 +6,7 @@ own that never leaves this machine, so that no robot on the network can be moved
 
 from __future__ import annotations
 
+import math
 import os
 import random
 import re
@@ -17,13 +18,15 @@ from typing import Any
 
 import rclpy
 from cfnav_interfaces.action import NavigateToObject
-from cfnav_interfaces.msg import CollisionEstimate
+from cfnav_interfaces.msg import CollisionEstimate, GroundTruth
 from cfnav_interfaces.srv import EndEpisode, StartEpisode
+from nav_msgs.msg import OccupancyGrid
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
@@ -32,6 +35,11 @@ from cfnav_ros.outcome import Outcome
 from cfnav_ros.processes import DISCOVERY_S, Child, GraphError, keep_local, node_command
 from cfnav_ros.recorder import Recorder
 from cfnav_ros.stop_signal import INTERRUPT
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+TRACK_M = 0.02
+"""Points of a track are this far apart."""
 
 DOMAINS = range(1, 102)
 """Domain ids whose ports are free of the system's own on Linux, without the default 0."""
@@ -64,6 +72,9 @@ class GraphConfig:
         lock_step: the simulator waits for the policy at every moment, so that an episode repeats
             itself; no measure of reaction times.
         camera: the robot's: "mast", which tilts, or "preview", as sold, which does not.
+        lidar: whether the collision probability comes from the LiDAR; else the bundle's own.
+        visual_shift: of the pictures against those of training, 0 to 1.
+        track: whether ``Graph.track`` follows the true path of each episode.
     """
 
     room: str
@@ -75,12 +86,24 @@ class GraphConfig:
     bag: Path | None = None
     lock_step: bool = False
     camera: str = "mast"
+    lidar: bool = True
+    visual_shift: float = 0.0
+    track: bool = False
 
     @property
     def nodes(self) -> tuple[tuple[str, str, dict[str, object]], ...]:
         """Package, executable and parameters of each node, in the order in which they start."""
-        mock = {"room": self.room, "speed": float(self.speed), "camera": self.camera}
-        policy: dict[str, object] = {"use_sim_time": True, "episode.veto": self.veto}
+        mock = {
+            "room": self.room,
+            "speed": float(self.speed),
+            "camera": self.camera,
+            "visual_shift": float(self.visual_shift),
+        }
+        policy: dict[str, object] = {
+            "use_sim_time": True,
+            "episode.veto": self.veto,
+            "episode.lidar": self.lidar,
+        }
         if self.camera == "preview":
             policy["episode.has_tilt"] = False
         if self.bundle is not None:
@@ -113,6 +136,10 @@ class Graph:
         self.recorder: Recorder | None = None
         self.children: dict[str, Child] = {}
         self.node: Node | None = None
+        self.track: list[tuple[float, float, int]] = []
+        """Of the last episode: true x and y (m) and collisions so far, every ``TRACK_M``."""
+        self.map: OccupancyGrid | None = None
+        """Of the room of the last episode, when tracks are followed."""
         self._episodes = 0
 
     def __enter__(self) -> Graph:
@@ -202,6 +229,7 @@ class Graph:
         Raises:
             GraphError: the policy refused the goal, or a node failed.
         """
+        self.track.clear()
         result = self.navigate(goal, max_steps, on_step)
         if result.outcome == "refused":
             raise GraphError(f"the policy node refused the goal {goal!r}: {result.message}")
@@ -281,6 +309,11 @@ class Graph:
         self._start_client = self.node.create_client(StartEpisode, "simulator/start_episode")
         self._end_client = self.node.create_client(EndEpisode, "simulator/end_episode")
         self._navigate_client = ActionClient(self.node, NavigateToObject, "navigate_to_object")
+        if self.config.track:
+            self.node.create_subscription(GroundTruth, "ground_truth/state", self._follow, 100)
+            self.node.create_subscription(
+                OccupancyGrid, "ground_truth/map", self._keep_map, LATCHED
+            )
         # Turned by the waits of this thread alone: a second one could take an answer in before
         # rclpy has noted that it was asked for.
         self._executor = SingleThreadedExecutor(context=self.context)
@@ -294,6 +327,14 @@ class Graph:
                     "end them or choose another with --domain"
                 )
             time.sleep(0.1)
+
+    def _follow(self, truth: GroundTruth) -> None:
+        x, y, collisions = self.track[-1] if self.track else (math.inf, math.inf, 0)
+        if math.hypot(truth.x - x, truth.y - y) >= TRACK_M or truth.collisions != collisions:
+            self.track.append((truth.x, truth.y, truth.collisions))
+
+    def _keep_map(self, message: OccupancyGrid) -> None:
+        self.map = message
 
     def _start_children(self) -> None:
         """Start the nodes in the order in which they are ended in reverse."""

@@ -16,8 +16,9 @@ import tyro
 
 from cfnav_core.json_file import write_json
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
+from cfnav_ros.json_lines import read_rows
 from cfnav_ros.plan import Trial
-from cfnav_ros.trials import CONDITIONS, conditions_of, read_rows
+from cfnav_ros.trials import CONDITIONS, conditions_of
 
 
 @dataclass(frozen=True)

@@ -93,14 +93,14 @@ def trajectory_png(evaluated: EvaluatedDrive, theme: Theme = LIGHT) -> bytes:
         figure = Figure(figsize=(6, 6), facecolor=theme.paper)
         axes = figure.add_subplot()
         if course.room is not None and course.room.occupied.size:
-            _draw_room(axes, course.room, theme)
+            draw_room(axes, course.room, theme)
             _show_around(axes, course)
         axes.plot(*course.points.T, "s", color=theme.solid, ms=2.5, mew=0, zorder=1)
-        _draw_path(axes, course.poses, theme)
+        draw_path(axes, course.poses, theme)
         if len(course.poses):
             _draw_ends(axes, course.poses, bool(evaluated.outcome.success.value), theme)
-        for contact in _merged(course.contacts):
-            _draw_contact(axes, contact, theme)
+        for contact in merged(course.contacts):
+            draw_contact(axes, contact, theme)
         style(axes, theme)
         axes.set_aspect("equal")
         axes.set_xlabel("x (m)")
@@ -123,7 +123,8 @@ def _contact_moved(contact: Contact, frame: tuple[float, float, float]) -> Conta
     return Contact(contact.t_ns, float(x), float(y), contact.contact_with, contact.count)
 
 
-def _draw_room(axes: Axes, room: OccupancyMap, theme: Theme) -> None:
+def draw_room(axes: Axes, room: OccupancyMap, theme: Theme) -> None:
+    """Draw what of a map is occupied."""
     every = math.ceil(max(room.occupied.shape) / MOST_CELLS)
     height, width = room.occupied.shape
     tall, wide = -(-height // every), -(-width // every)
@@ -158,7 +159,8 @@ def _show_around(axes: Axes, course: Course) -> None:
     axes.set_ylim(low[1], high[1])
 
 
-def _draw_path(axes: Axes, poses: np.ndarray, theme: Theme) -> None:
+def draw_path(axes: Axes, poses: np.ndarray, theme: Theme) -> None:
+    """Draw places, float64 [N, 2 or more] in metres, from light to dark as time goes on."""
     if len(poses) < 2:
         return
     segments = list(np.stack([poses[:-1, :2], poses[1:, :2]], axis=1))
@@ -191,7 +193,7 @@ def _draw_ends(axes: Axes, poses: np.ndarray, success: bool, theme: Theme) -> No
     axes.plot([x, x + tip[0]], [y, y + tip[1]], color="black", lw=2, zorder=5)
 
 
-def _draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
+def draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
     """Mark collisions at one place with a red circle that holds their count."""
     axes.add_patch(
         Circle((contact.x, contact.y), 0.13, facecolor=theme.red, edgecolor="white", lw=1, zorder=6)
@@ -208,7 +210,7 @@ def _draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
     )
 
 
-def _merged(contacts: Sequence[Contact]) -> list[Contact]:
+def merged(contacts: Sequence[Contact]) -> list[Contact]:
     """Join contacts at the same place so that their marks do not cover each other."""
     places: list[Contact] = []
     for contact in contacts:

@@ -1,21 +1,23 @@
-"""Long trials over the live graph: ``python -m cfnav_ros.trials --episodes 60 --out out/trials``.
+"""Long trials over the live graph: ``python -m cfnav_ros.trials episodes --episodes 60``.
 
 Writes one JSON line for each episode as soon as it ends, and goes on where it stopped. Records no
-bag; the outcome is the simulator's own.
+bag; the outcome is the simulator's own. ``table-iv`` instead drives the paper's Table IV.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 
+from cfnav_ros import table_iv
 from cfnav_ros.demo import DemoConfig, commit, known_goals, run_to_exit, run_trials
+from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.outcome import Outcome, figures
 from cfnav_ros.plan import Trial, parse_list
+from cfnav_ros.table_iv import TableIV
 
 TEST_ROOMS = ",".join(
     f"{kind}:{seed}"
@@ -46,25 +48,6 @@ class TrialsConfig(DemoConfig):
     """The simulator waits for the policy at every moment, so that each episode repeats itself."""
 
 
-def read_rows(path: Path) -> list[dict[str, Any]]:
-    """Read the lines of an earlier run; a last line that was cut short does not count.
-
-    Raises:
-        OSError: a line before the last cannot be read.
-    """
-    lines = path.read_text().split("\n") if path.exists() else []
-    rows = []
-    for number, line in enumerate(lines, 1):
-        if not line:
-            continue
-        try:
-            rows.append(json.loads(line))
-        except json.JSONDecodeError:
-            if number < len(lines):
-                raise OSError(f"{path}: line {number} is damaged; remove it") from None
-    return rows
-
-
 def conditions_of(row: dict[str, Any]) -> dict[str, Any]:
     """Under which conditions the episode of a line was run."""
     return {name: row.get(name, UNSAID.get(name)) for name in CONDITIONS}
@@ -91,9 +74,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
                 f"{config.out} holds episodes run with {found}, not {conditions}; "
                 "choose another --out"
             )
-    config.out.parent.mkdir(parents=True, exist_ok=True)
-    # Rewritten first, as the next line must not continue one that was cut short.
-    config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_rows(config.out, rows)
     there = {Trial(**row["trial"]) for row in rows}
     logs = config.out.with_suffix(".logs")
     room = parse_list(config.room)[0]
@@ -111,8 +92,7 @@ def run(config: TrialsConfig) -> list[Outcome]:
     def done(trial: Trial, outcome: Outcome) -> None:
         row = {"trial": asdict(trial), **conditions, "commit": commit(), **asdict(outcome)}
         rows.append(row)
-        with config.out.open("a") as file:
-            file.write(json.dumps(row) + "\n")
+        append_row(config.out, row)
 
     with Graph(graph_config) as graph:
         run_trials(graph, config, known, done, skip=there.__contains__)
@@ -122,7 +102,16 @@ def run(config: TrialsConfig) -> list[Outcome]:
 
 def main() -> None:
     """Run the command line: 0 when every episode ran, 1 when not, 130 on Ctrl-C."""
-    config = tyro.cli(TrialsConfig, prog="trials")
+    config = tyro.cli(
+        Annotated[TrialsConfig, tyro.conf.subcommand("episodes")]
+        | Annotated[TableIV, tyro.conf.subcommand("table-iv")],  # type: ignore[arg-type]
+        prog="trials",
+        description=__doc__,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    if isinstance(config, TableIV):
+        run_to_exit("trials", lambda: table_iv.run(config))
+        return
     outcomes = run_to_exit("trials", lambda: run(config))
     values = "  ".join(f"{name} {value:.3f}" for name, value in figures(outcomes).items())
     print(f"{len(outcomes)} episodes  {values}  ({config.out})")

@@ -26,9 +26,9 @@ from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.replay_step import reproduction
 from cfnav_ros.demo import DemoConfig, commit, known_goals, run_to_exit, run_trials
 from cfnav_ros.graph import Graph, GraphConfig
+from cfnav_ros.json_lines import read_rows
 from cfnav_ros.outcome import Outcome, agree
 from cfnav_ros.plan import Trial
-from cfnav_ros.trials import read_rows
 from tqdm import tqdm
 
 from cfnav_core.actions import Action

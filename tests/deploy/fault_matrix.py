@@ -17,8 +17,8 @@ from typing import Any
 
 import tyro
 from cfnav_ros.demo import commit, run_to_exit
+from cfnav_ros.json_lines import read_rows
 from cfnav_ros.processes import GraphError
-from cfnav_ros.trials import read_rows
 from tqdm import tqdm
 
 from tests.deploy.bundles import make_bundle

@@ -6,9 +6,9 @@ import itertools
 from pathlib import Path
 
 import pytest
+from cfnav_ros.json_lines import read_rows
 from cfnav_ros.plan import Trial, chosen_trials, drawn_trials, parse_list
 from cfnav_ros.run_folder import FolderInUseError, RunFolder
-from cfnav_ros.trials import read_rows
 
 GOALS = {"kitchen:25": ("Fridge", "Mug", "Toaster"), "bedroom:23": ("Book", "Mug")}
 

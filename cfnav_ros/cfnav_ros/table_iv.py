@@ -1,0 +1,270 @@
+"""Table IV over the live graph: ``python -m cfnav_ros.trials table-iv``.
+
+The paper drove a TurtleBot 4 through three rooms. Here the mock drives through three furnished
+rooms in which nothing was trained, chosen or tested before, by another light and through another
+lens than in training (``sim_bridge.visual_shift``), with its noise; the LiDAR gives p_hat and has
+no veto, as in the paper. Rows of our own follow.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from cfnav_core.benchmark.pages import Figures, write_tables
+from cfnav_core.benchmark.statistics import interval, over_seeds
+from cfnav_core.bundle import BundleHead
+from cfnav_core.whole import write_file
+from cfnav_ros.demo import commit, run_trial
+from cfnav_ros.json_lines import append_row, read_rows
+from cfnav_ros.plan import Trial
+
+ROOMS = {"living_room:77": 0.151, "living_room:36": 0.217, "living_room:70": 0.283}
+"""Share of the floor below furniture. Of the 42 living rooms 30 to 129 that hold all three goals
+these are the least, the middle and the most furnished one."""
+
+GOALS = ("HousePlant", "Book", "Laptop")
+
+VISUAL_SHIFT = 0.5
+
+FIRST_START = 1000
+"""Seed of the first start."""
+
+TRIALS = 15
+"""Of the paper's table, three rooms by five; driven with the bundles of one training seed."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """One row: what drives, and how.
+
+    Attributes:
+        name: of the row. method: of training.
+        paper: successes in 15 trials that the paper reports.
+        lidar, veto, visual_shift: see ``GraphConfig``.
+    """
+
+    name: str
+    method: str
+    paper: int | None = None
+    lidar: bool = True
+    veto: bool = False
+    visual_shift: float = VISUAL_SHIFT
+
+    @property
+    def key(self) -> str:
+        """Name of its file of results."""
+        words = [self.method, *(["veto"] if self.veto else []), *([] if self.lidar else ["rgb"])]
+        return "_".join([*words, *([] if self.visual_shift else ["unshifted"])])
+
+
+WAYS = (
+    Way("TDANet", "plain", 0),
+    Way("Reward Only (TDANet)", "reward_only", 1),
+    Way("Stage Only (TDANet)", "stage_only", 4),
+    Way("ours (TDANet)", "ours", 12),
+    Way("ours (TDANet), RGB for p_hat", "ours", lidar=False),
+    Way("TDANet, LiDAR veto", "plain", veto=True),
+    Way("ours (TDANet), LiDAR veto", "ours", veto=True),
+    Way("TDANet, no visual shift", "plain", visual_shift=0.0),
+    Way("ours (TDANet), no visual shift", "ours", visual_shift=0.0),
+)
+"""The paper's rows, and our own below them."""
+
+PAPERS = tuple(way for way in WAYS if way.paper is not None)
+
+
+@dataclass(frozen=True)
+class TableIV:
+    """Drive Table IV: 15 trials a method as in the paper, or more over several training seeds."""
+
+    bundles: Path = Path("out/grid/bundles")
+    """Folder of bundles METHOD_seedN: plain, reward_only, stage_only and ours (cfnav export)."""
+    trials: int = TRIALS
+    """Of each row."""
+    seeds: int = 1
+    """Training seeds that share the trials."""
+    own: bool = True
+    """Also the rows of our own: veto, RGB for the LiDAR, no visual shift."""
+    only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Only these rows, by the method's name, given as often as needed; writes no table."""
+    out: Path = Path("out/trials")
+    """Folder of what was driven; episodes in it are not driven again."""
+    results: Path | None = None
+    """Folder of the tables and figures; that of what was driven when absent."""
+    speed: float = 0.0
+    """Simulated seconds per second; 0 is as fast as the machine can."""
+    domain: Annotated[int | None, tyro.conf.arg(metavar="ID")] = None
+    """ROS domain; one that is free when not given."""
+
+
+def trials_of(count: int, seed: int) -> list[Trial]:
+    """The trials of one training seed: rooms in turn, then goals; no start is met twice.
+
+    Args:
+        count: how many.
+        seed: of training.
+    """
+    rooms = tuple(ROOMS)
+    return [
+        Trial(rooms[n % 3], GOALS[n // 3 % 3], FIRST_START + seed * count + n) for n in range(count)
+    ]
+
+
+def run(config: TableIV) -> None:
+    """Drive what is missing; then write and print the table and draw its figure.
+
+    Raises:
+        BundleError: a bundle cannot be used.
+        GraphError: the graph did not run.
+        ValueError: trials that the seeds cannot share.
+        OSError: results cannot be read or written.
+    """
+    if config.trials % config.seeds:
+        raise ValueError(
+            f"found {config.trials} trials for {config.seeds} seeds; expected a multiple"
+        )
+    ways = WAYS if config.own else PAPERS
+    if unknown := set(config.only) - {way.method for way in ways}:
+        raise ValueError(f"found no row of {', '.join(sorted(unknown))} in Table IV")
+    driven = [w for w in ways if not config.only or w.method in config.only]
+    for way in driven:
+        for seed in range(config.seeds):
+            BundleHead.load(_bundle(config, way, seed))
+    for way in driven:
+        for seed in range(config.seeds):
+            _drive(config, way, seed)
+    if not config.only:
+        _write(config, ways)
+
+
+def _bundle(config: TableIV, way: Way, seed: int) -> Path:
+    return config.bundles / f"{way.method}_seed{seed}"
+
+
+def _file(config: TableIV, way: Way, seed: int) -> Path:
+    each = config.trials // config.seeds
+    return config.out / f"{way.key}_seed{seed}_{each}.jsonl"
+
+
+def _drive(config: TableIV, way: Way, seed: int) -> None:
+    """Drive the trials of a row and a training seed that were not driven yet."""
+    # here, so that the command answers at once to --help and to arguments that make no sense
+    from cfnav_ros.graph import Graph, GraphConfig
+
+    path, bundle = _file(config, way, seed), _bundle(config, way, seed)
+    identity = _identity(bundle)
+    rows = read_rows(path)
+    if other := {row["bundle"] for row in rows} - {identity}:
+        raise OSError(f"{path} holds trials of another bundle ({other.pop()}); remove it")
+    there = {Trial(**row["trial"]) for row in rows}
+    missing = [t for t in trials_of(config.trials // config.seeds, seed) if t not in there]
+    if not missing:
+        return
+    print(f"{way.name}, training seed {seed}: {len(missing)} trials", flush=True)
+    graph_config = GraphConfig(
+        room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
+        bundle=bundle, veto=way.veto, domain=config.domain, lock_step=True, lidar=way.lidar,
+        visual_shift=way.visual_shift, track=True,
+    )  # fmt: skip
+    with Graph(graph_config) as graph:
+        for trial in missing:
+            start = graph.start_episode(trial.room, trial.goal, trial.seed)
+            if not start.ok:
+                raise OSError(start.message)
+            outcome = run_trial(graph, trial)
+            if graph.map is not None:
+                _keep_map(config.out, trial.room, graph.map)
+            track = [(round(x, 3), round(y, 3), n) for x, y, n in graph.track]
+            about = {"trial": asdict(trial), "bundle": identity, "commit": commit()}
+            append_row(path, {**about, **asdict(outcome), "track": track})
+
+
+def _identity(bundle: Path) -> str:
+    """Of a bundle: hash of its policy."""
+    return BundleHead.load(bundle).files["policy.onnx"][:16]
+
+
+def _keep_map(out: Path, room: str, message: Any) -> None:
+    """Keep the map of a room, for the figure."""
+    path = out / "maps" / f"{room.replace(':', '_')}.npz"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        info = message.info
+        cells = np.array(message.data, np.int8).reshape(info.height, info.width)
+        np.savez_compressed(path, occupied=cells > 0, resolution=info.resolution)
+
+
+def _write(config: TableIV, ways: Sequence[Way]) -> None:
+    """Write and print the table and draw the paths of the first trial of each goal."""
+    # matplotlib is slow to import
+    from cfnav_ros.table_iv_plot import draw_table_iv
+
+    driven = {way: [read_rows(_file(config, way, s)) for s in range(config.seeds)] for way in ways}
+    results = config.results or config.out
+    write_tables([_figures(config, way, driven) for way in ways], results)
+    first = {way.name: driven[way][0][: 3 * len(GOALS) : 3] for way in PAPERS}
+    picture = draw_table_iv(first, config.out / "maps")
+    write_file(results / f"table_IV_{config.trials}.png", picture)
+
+
+def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, Any]]]]) -> Figures:
+    """A row of the table; gains are over the plain model under the same visual shift, no veto."""
+    rows = driven[way]
+    plain = next(
+        w for w in driven
+        if (w.method, w.veto, w.visual_shift) == ("plain", False, way.visual_shift)
+    )  # fmt: skip
+    cf_success, success = (_rates(rows, name) for name in ("cf_success", "success"))
+    cf_spl = np.array([[_cf_efficiency(row) for row in of_seed] for of_seed in rows])
+    gain = sr_gain = None
+    if way is not plain:
+        gain = cf_success - _rates(driven[plain], "cf_success")
+        sr_gain = success - _rates(driven[plain], "success")
+    rooms = np.array([row["room"] for row in rows[0]])
+    head = BundleHead.load(_bundle(config, way, 0))
+    config_of = head.training.get("config", {})
+    cf_sr, spl = over_seeds(cf_success), over_seeds(cf_spl)
+    commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
+    return Figures(
+        table="IV", row=way.name, model="tdanet", method=way.method,
+        split=f"{config.trials} live trials",
+        p_hat="lidar" if way.lidar else "own", veto=way.veto,
+        paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
+        paper_cf_spl=None,
+        paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),
+        cf_sr_mean=cf_sr[0], cf_sr_std=None if config.seeds < 2 else cf_sr[1],
+        cf_spl_mean=spl[0], cf_spl_std=None if config.seeds < 2 else spl[1],
+        sr_mean=float(success.mean()),
+        collisions_mean=float(_rates(rows, "collisions").mean()),
+        seeds=config.seeds, episodes=len(rows[0]),
+        gain=None if gain is None else float(gain.mean()),
+        gain_ci95=None if gain is None else interval(gain, rooms),
+        sr_gain=None if sr_gain is None else float(sr_gain.mean()),
+        sr_gain_ci95=None if sr_gain is None else interval(sr_gain, rooms),
+        command=shlex.join(["python", "-m", "cfnav_ros.trials", *sys.argv[1:]]),
+        config_hash=hashlib.sha256(json.dumps(config_of).encode()).hexdigest()[:12],
+        commit=f"{head.training.get('commit', 'unknown')}, driven at {', '.join(commits)}",
+    )  # fmt: skip
+
+
+def _rates(rows: Sequence[Sequence[dict[str, Any]]], name: str) -> np.ndarray:
+    """float64 [seeds, N]."""
+    return np.array([[row[name] for row in of_seed] for of_seed in rows], float)
+
+
+def _cf_efficiency(row: dict[str, Any]) -> float:
+    """The term of CF-SPL, path lengths in metres."""
+    if not row["cf_success"]:
+        return 0.0
+    shortest = row["shortest_path_m"]
+    return float(shortest / max(row["path_length_m"], shortest))

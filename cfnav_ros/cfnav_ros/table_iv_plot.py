@@ -1,0 +1,59 @@
+"""The figure of Table IV: what each method drove to each goal, from above."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from cfnav_ros.bags.contacts import Contact
+from cfnav_ros.bags.events import OccupancyMap
+from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, png
+from cfnav_ros.trajectory_plot import HULL_RADIUS_M, draw_contact, draw_path, draw_room, merged
+
+
+def draw_table_iv(driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path) -> bytes:
+    """Draw a row of rooms for each method; returns a PNG file.
+
+    Args:
+        driven: trials by method, each as ``table_iv`` writes it, all methods the same trials.
+        maps: folder of the rooms' maps.
+    """
+    columns = max(len(trials) for trials in driven.values())
+    with mpl.rc_context({"font.size": 8}):
+        figure = Figure(figsize=(3 * columns, 3.1 * len(driven)), layout="constrained")
+        grid = figure.subplots(len(driven), columns, squeeze=False)
+        for axes, (name, trials) in zip(grid, driven.items(), strict=True):
+            for ax, trial in zip(axes, trials, strict=True):
+                _draw(ax, trial, maps / f"{trial['room'].replace(':', '_')}.npz")
+            axes[0].set_ylabel(name, fontsize=10)
+        return png(figure)
+
+
+def _draw(ax: Axes, trial: dict[str, Any], path: Path) -> None:
+    with np.load(path) as kept:
+        room = OccupancyMap(
+            t_ns=0, occupied=kept["occupied"], resolution=float(kept["resolution"]), origin=(0, 0)
+        )
+    draw_room(ax, room, LIGHT)
+    track = np.array(trial["track"])
+    draw_path(ax, track, LIGHT)
+    (x0, y0, _), (x1, y1, _) = track[0], track[-1]
+    ax.add_patch(Circle((x0, y0), HULL_RADIUS_M, fill=False, color=LIGHT.ink, lw=1.5, zorder=4))
+    colour = GREEN if trial["success"] else ORANGE
+    ax.add_patch(Circle((x1, y1), HULL_RADIUS_M, color=colour, zorder=4))
+    new = np.diff(track[:, 2], prepend=0)
+    hits = [Contact(0, x, y, count=int(n)) for (x, y, _), n in zip(track, new, strict=True) if n]
+    for contact in merged(hits):
+        draw_contact(ax, contact, LIGHT)
+    ended = "reached" if trial["success"] else "missed"
+    touched = f"{trial['collisions']} collisions" if trial["collisions"] else "nothing touched"
+    ax.set_title(f"{trial['goal']}, {trial['room']}: {ended}, {touched}")
+    ax.set_xticks([])
+    ax.set_yticks([])

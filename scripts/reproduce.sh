@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# The paper's Tables I to IV from nothing; goes on where it stopped when run again.
+#   OUT=out/paper RESULTS=docs/results SEEDS=5 scripts/reproduce.sh
+# Rooms, scans and knowledge are made first, then the grid trains, and test rooms are looked at
+# when every run of it is done. The last tables are driven on the live graph.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+out=${OUT:-out/paper}
+results=${RESULTS:-$out/results}
+seeds=${SEEDS:-5}
+preset=${PRESET:-small}
+perception=cfnav_core/bundles/default/perception.onnx
+
+python -m sim_bridge.dataset --perception "$perception" --out "$out/rooms"
+python -m sim_bridge.scans "$out/rooms" --rooms data2:test
+python -m cfnav_ros.lidar_states "$out/rooms"
+cfnav benchmark I II III own --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
+  --preset "$preset" --results "$results"
+
+for method in plain reward_only stage_only ours; do
+  for ((seed = 0; seed < seeds; seed++)); do
+    run=$(echo "$out/grid/runs/data2_tdanet_${method}_seed${seed}_"*)
+    cfnav export "$run/best.safetensors" --perception "$perception" \
+      --name "tdanet_${method}_seed$seed" --out "$out/bundles/${method}_seed$seed"
+  done
+done
+python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
+  --results "$results" --no-own
+python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
+  --results "$results" --trials $((20 * seeds)) --seeds "$seeds"

@@ -1,0 +1,122 @@
+"""Table IV: its trials, its rooms, its figures, and the real graph from bundles to the table."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cfnav_ros.json_lines import append_row
+from cfnav_ros.table_iv import GOALS, PAPERS, ROOMS, TableIV, run, trials_of
+from PIL import Image
+from sim_bridge.camera import Camera
+from sim_bridge.grid import start_episode
+from sim_bridge.room import generate_room, parse_room
+from sim_bridge.world import World
+
+from cfnav_core.actions import Action
+from tests.deploy.bundles import make_bundle
+
+METHODS = [way.method for way in PAPERS]
+
+
+def test_fifteen_trials_are_five_in_each_room_and_goal() -> None:
+    trials = trials_of(15, seed=0)
+    assert set(Counter(t.room for t in trials).values()) == {5}
+    assert min(Counter(t.goal for t in trials).values()) == 3
+    assert len({t.seed for t in trials} | {t.seed for t in trials_of(15, seed=1)}) == 30
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_rooms_hold_every_goal_and_as_much_furniture_as_stated(name: str) -> None:
+    world = World(generate_room(*parse_room(name)))
+    assert (world.occupancy() > 0).mean() == pytest.approx(ROOMS[name], abs=5e-4)
+    with Camera(world) as camera:
+        for goal in GOALS:
+            assert start_episode(world, camera, goal, 1000).shortest_actions > 5
+
+
+@pytest.fixture
+def bundles(tmp_path: Path) -> Path:
+    """Four methods; all look around and say Done."""
+    folder = tmp_path / "bundles"
+    for method in METHODS:
+        put_bundle(folder / f"{method}_seed0", [Action.RotateLeft, Action.MoveAhead, Action.Done])
+    return folder
+
+
+def put_bundle(place: Path, actions: list[Action]) -> None:
+    shutil.rmtree(place, ignore_errors=True)
+    made = make_bundle(place.parent / "made", dict.fromkeys(GOALS, actions))
+    shutil.copytree(made, place)
+
+
+def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
+    """Write down fifteen trials as if they had been driven."""
+    from cfnav_core.bundle import BundleHead
+
+    bundle = BundleHead.load(config.bundles / f"{method}_seed0").files["policy.onnx"][:16]
+    for n, trial in enumerate(trials_of(15, 0)):
+        good = n < successes
+        append_row(path, {
+            "trial": trial.__dict__, "bundle": bundle, "commit": "abc", "goal": trial.goal,
+            "room": trial.room, "outcome": "done", "success": good, "collisions": int(not good),
+            "cf_success": good, "steps": 9, "path_length_m": 4.0, "shortest_path_m": 2.0,
+            "track": [(1.0, 1.0, 0), (2.0, 1.5, int(not good))],
+        })  # fmt: skip
+
+
+def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> None:
+    config = TableIV(bundles=bundles, own=False, out=tmp_path / "out")
+    (config.out / "maps").mkdir(parents=True)
+    for room in ROOMS:
+        cells = np.eye(100, dtype=bool)
+        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
+        np.savez(name, occupied=cells, resolution=0.05)
+    for method, successes in zip(METHODS, (3, 6, 9, 12), strict=True):
+        _driven(config.out / f"{method}_seed0_15.jsonl", config, method, successes)
+    run(config)
+    rows = json.loads((config.out / "summary.json").read_text())["rows"]
+    assert [row["cf_sr_mean"] for row in rows] == [0.2, 0.4, 0.6, 0.8]
+    assert [row["paper_cf_sr"] for row in rows] == [0.0, 0.067, 0.267, 0.8]
+    assert [row["gain"] for row in rows] == [None, *(pytest.approx(x) for x in (0.2, 0.4, 0.6))]
+    assert rows[3]["cf_spl_mean"] == pytest.approx(0.4)
+    assert rows[3]["row"] == "ours (TDANet)"
+    assert rows[0]["collisions_mean"] == pytest.approx(0.8)
+    with Image.open(config.out / "table_IV_15.png") as picture:
+        assert min(picture.size) > 800
+
+
+def test_trials_of_another_bundle_are_not_mixed(bundles: Path, tmp_path: Path) -> None:
+    config = TableIV(bundles=bundles, own=False, out=tmp_path)
+    _driven(tmp_path / "plain_seed0_15.jsonl", config, "plain", 3)
+    put_bundle(bundles / "plain_seed0", [Action.Done])
+    with pytest.raises(OSError, match="holds trials of another bundle"):
+        run(config)
+    with pytest.raises(ValueError, match="found 15 trials for 4 seeds"):
+        run(TableIV(bundles=bundles, seeds=4))
+
+
+@pytest.mark.ros
+def test_the_graph_drives_what_is_missing(
+    bundles: Path, tmp_path: Path, start_process: Callable, ros_domain_id: int
+) -> None:
+    config = TableIV(bundles=bundles, own=False, out=tmp_path / "out", trials=3)
+    command = [
+        "table-iv", "--bundles", str(bundles), "--no-own", "--trials", "3",
+        "--out", str(config.out), "--domain", str(ros_domain_id),
+    ]  # fmt: skip
+    first = start_process("cfnav_ros.trials", *command, "--only", "plain")
+    assert first.wait(300) == 0, first.output
+    rows = [json.loads(line) for line in (config.out / "plain_seed0_3.jsonl").open()]
+    assert [row["room"] for row in rows] == list(ROOMS)
+    assert all(row["outcome"] == "done" and row["steps"] == 3 for row in rows)
+    for row in rows:
+        way = np.hypot(*np.diff(np.array(row["track"])[:, :2], axis=0).T).sum()
+        assert way == pytest.approx(row["path_length_m"], abs=0.05)
+        assert row["track"][-1][2] == row["collisions"]
+    assert len(list((config.out / "maps").iterdir())) == 3
