@@ -74,18 +74,18 @@ def measure(config: AgreementConfig) -> dict[str, Any]:
     """Run what is missing and sum everything up."""
     config.out.parent.mkdir(parents=True, exist_ok=True)
     rows = read_rows(config.out)
-    made = {row["bag"] for row in rows}
+    made = {row["number"] for row in rows}
     blind = blind_bundle(config.out.parent / "bundles", config.seed)
     for number in tqdm(range(config.bags), unit="bag"):
         if number not in made:
-            new = _judged(config, number, None if number % 2 == 0 else blind)
+            new = judged(config, number, None if number % 2 == 0 else blind)
             with config.out.open("a") as file:
                 file.writelines(json.dumps(row) + "\n" for row in new)
             rows += new
     return summary(rows)
 
 
-def _judged(config: AgreementConfig, number: int, bundle: Path | None) -> list[dict[str, Any]]:
+def judged(config: AgreementConfig, number: int, bundle: Path | None) -> list[dict[str, Any]]:
     """Drive and record some episodes, judge their bag, remove it."""
     folder = config.out.parent / "drives"
     shutil.rmtree(folder, ignore_errors=True)
@@ -103,7 +103,7 @@ def _judged(config: AgreementConfig, number: int, bundle: Path | None) -> list[d
     driver = "blind" if bundle else "shipped"
     found = evaluate(folder / "bag", Options(bundles={driver: str(bundle or "")}))
     rows = [
-        {"bag": number, **_row(driver, trial, outcome, drive)}
+        {"number": number, **_row(driver, trial, outcome, drive)}
         for (trial, outcome), drive in zip(live, found.drives, strict=True)
     ]
     shutil.rmtree(folder)
