@@ -14,6 +14,7 @@ from cfnav_core.collision_predictor import CollisionPredictor
 from cfnav_core.config import RunConfig
 from cfnav_core.methods import METHODS
 from cfnav_core.models import MODELS, Inputs, Knowledge, NavModel
+from cfnav_core.models.listening import Listening
 from cfnav_core.reward import REWARDS, Reward, RewardTables
 
 
@@ -64,6 +65,8 @@ def new_agent(
         inputs.features, config.predictor_hidden, model.picture_encoder() if shared else None
     )
     reward = config.reward or model.reward
+    if config.listening:
+        model = Listening(model)
     tables = RewardTables.of(reward, knowledge).to(torch.device(device))
     return Agent(model.to(device), predictor.to(device), REWARDS[reward], tables)
 

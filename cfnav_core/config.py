@@ -79,6 +79,8 @@ class RunConfig:
     size: ModelSize = field(default_factory=ModelSize)
     predictor_hidden: int = 128
     """LSTM width of the collision predictor; the paper has 512."""
+    listening: bool = False
+    """Add p_hat to the action logits too (not in the paper, see models/listening.py)."""
 
     @classmethod
     def read(cls, values: dict[str, Any]) -> RunConfig:

@@ -17,7 +17,7 @@ from cfnav_core.agent import Agent, TrainedAgent
 from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleHead, file_hash
 from cfnav_core.checkpoint import load_tensors, save_tensors
 from cfnav_core.model_card import model_card
-from cfnav_core.models import Inputs, NavModel, Seen
+from cfnav_core.models import MODELS, Inputs, NavModel, Seen
 from cfnav_core.networks import SEEN
 from cfnav_core.perception import Perception
 from cfnav_core.vocabulary import ROOM_TYPES
@@ -60,7 +60,8 @@ def export_bundle(
         bundle = BundleHead(
             name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
             tuple(head["goals"]), {n: file_hash(partial / n) for n in (*NETWORKS, WEIGHTS)},
-            {k: head[k] for k in TRAINING_FIELDS}, metrics or {}, trained.agent.model.zero_shot,
+            {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
+            MODELS[head["config"]["model"]].zero_shot,
         )  # fmt: skip
         bundle.save(partial)
         (partial / "MODEL_CARD.md").write_text(model_card(bundle))
