@@ -95,7 +95,7 @@ class Job:
             stage1=places.out / "runs" / source.name / STAGE1 if source else None,
             run=config,
             knowledge=places.knowledge(self.split),
-            validation_every=(hp.stage1_episodes + hp.stage2_episodes) // preset.validations,
+            validation_every=hp.stage2_episodes // preset.validations,
             validation_episodes=preset.validation_episodes,
         )
 
