@@ -29,6 +29,7 @@ from .mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
         (["camera:=periscope"], "expected mast or preview"),
         (["camera_size:=7"], "expected 32 to 1080 pixels"),
         (["noise:=-1.0"], "expected 0 to 10"),
+        (["visual_shift:=1.5"], "expected 0 (none) to 1"),
         (["clock:=sundial"], "expected simulated or system"),
         (["clock:=system", "speed:=2.0"], "expected speed 1 and no lock_step"),
         (["faults:=/nowhere.yaml"], "/nowhere.yaml cannot be read"),

@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from sim_bridge.camera import Camera
 from sim_bridge.dataset import Options, render_views, run
 from sim_bridge.grid import state_grid
 from sim_bridge.room import generate_room
+from sim_bridge.visual_shift import shifted
 from sim_bridge.world import World
 
 from cfnav_core.perception import Perception, preprocess
@@ -43,6 +45,7 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
             np.testing.assert_array_equal(
                 scene.visible[state], camera.visible_categories(pose, camera.owner_pixels(pose))
             )
+    features = np.array(scene.features)
     # a second run renders nothing
     run(options)
     assert "1 were there already" in capsys.readouterr().out
@@ -53,6 +56,16 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     assert check_rooms(tmp_path) == []
     torch.manual_seed(1)
     export_perception(PerceptionNet(), tmp_path / "other.onnx")
+    # by another light the same room looks different, and unshifted pictures are not taken for it
+    run(replace(options, visual_shift=1.0))
+    dark = OfflineScene.load(tmp_path / "bathroom_00003")
+    np.testing.assert_array_equal(dark.next_state, scene.next_state)
+    with Camera(world) as camera:
+        picture = preprocess(shifted(camera.rgb(grid.pose(7)), 1.0))
+    seen = observe(picture[None])
+    np.testing.assert_allclose(dark.features[7], seen.features[0], atol=2e-3)
+    run(options)
+    np.testing.assert_array_equal(OfflineScene.load(tmp_path / "bathroom_00003").features, features)
     # another perception makes features again from the pictures
     run(Options(["bathroom:3"], tmp_path, tmp_path / "other.onnx", processes=1))
     again = OfflineScene.load(tmp_path / "bathroom_00003")
@@ -101,6 +114,7 @@ def test_a_full_disk_leaves_the_pictures_that_were_there(tmp_path):
     [
         (["--rooms", "attic:1"], "expected TYPE:SEED"),
         (["--rooms", "data3:test"], "data2:train, data2:validation, data2:test"),
+        (["--visual-shift", "2"], "expected a number from 0 to 1"),
         (["--views", "2"], "found --views without --rooms"),
         (["--rooms", "kitchen:1", "--perception", "nowhere.onnx"], "no usable perception"),
     ],
