@@ -92,11 +92,13 @@ class Trace:
 
     Attributes:
         episodes: int64 [N], which ones. states: int64 [N], where they were. actions: int64 [N].
+        p_hat: float32 [N], what the policy was given.
     """
 
     episodes: np.ndarray
     states: np.ndarray
     actions: np.ndarray
+    p_hat: np.ndarray
 
 
 def run_episodes(
@@ -143,14 +145,14 @@ def run_episodes(
         elif p_hat == "lidar":
             assert lidar is not None
             given = lidar[at]
-        pi, _ = networks.step(sight, now, given)
+        pi, heard = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:
             action = (pi.cumsum(1) < rng.random((len(pi), 1))).sum(1).clip(max=NUM_ACTIONS - 1)
         now.previous_action = np.eye(NUM_ACTIONS, dtype=np.float32)[action]
         state.put(alive, now)
         if trace is not None:
-            trace.append(Trace(np.flatnonzero(alive), at, action))
+            trace.append(Trace(np.flatnonzero(alive), at, action, heard))
         done, ahead = action == Action.Done, action == Action.MoveAhead
         forbidden = np.zeros(len(at), bool)
         if veto:
@@ -177,12 +179,14 @@ class Evaluation:
 
     Attributes:
         what: path, model, method, seed, commit and training episodes of what was evaluated.
+        trace: every step of the episodes.
     """
 
     what: dict[str, Any]
     bank: SceneBank
     episodes: Episodes
     results: list[EpisodeResult]
+    trace: list[Trace]
 
     @property
     def rooms(self) -> np.ndarray:
@@ -284,10 +288,11 @@ def evaluate(
     _check_fits(candidate, path, bank, scenes)
     drawn = Episodes.thaw(bank, starts) if frozen else Episodes.draw(bank, episodes, seed)
     lidar = lidar_of(scenes, bank.names) if veto or p_hat == "lidar" else None
+    trace: list[Trace] = []
     results = run_episodes(
-        candidate.networks, bank, drawn, seed if sample else None, p_hat, lidar, veto
+        candidate.networks, bank, drawn, seed if sample else None, p_hat, lidar, veto, trace
     )
-    return Evaluation(candidate.what, bank, drawn, results)
+    return Evaluation(candidate.what, bank, drawn, results, trace)
 
 
 def _check_fits(candidate: Candidate, path: Path, bank: SceneBank, scenes: Path) -> None:

@@ -58,6 +58,11 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
     return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]
 
 
+def has_lidar(folder: Path, names: Sequence[str]) -> bool:
+    """Whether ``lidar_of`` has something to read for every scene."""
+    return all((room_folder(folder, *parse_room(name)) / LIDAR).exists() for name in names)
+
+
 def lidar_of(folder: Path, names: Sequence[str]) -> np.ndarray:
     """What the LiDAR node says in every state of scenes.
 

@@ -52,5 +52,5 @@ def chance(test: TestOf, scenes: Path, seed: int, path: Path) -> Tested:
         bank = SceneBank.load(scenes, sorted({s.scene for s in starts}))
         episodes = Episodes.thaw(bank, starts)
         results = run_episodes(Uniform(), bank, episodes, seed)
-        save(Evaluation({"commit": commit()}, bank, episodes, results), path)
+        save(Evaluation({"commit": commit()}, bank, episodes, results, []), path)
     return Tested.load(path)

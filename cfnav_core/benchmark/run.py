@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from cfnav_core.benchmark.command import Benchmark
@@ -11,13 +13,15 @@ from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Places, jobs_of
 from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
+from cfnav_core.benchmark.predictor import Quality, as_markdown, qualities
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
 from cfnav_core.benchmark.tables import Bench, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import KnowledgeCommand
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.run import BEST
-from cfnav_core.scenes import lidar_of, open_scenes
+from cfnav_core.scenes import has_lidar, lidar_of, open_scenes
+from cfnav_core.whole import write_file
 
 PATHS = 3
 """Episodes in the path figure."""
@@ -68,6 +72,7 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
         found += [figures_of_chance(split, bench) for split in splits]
     results = options.results or places.out
     write_tables(found, results)
+    judge_predictors(rows, bench, results)
     draw_figures(rows, bench, results)
     return found
 
@@ -109,6 +114,27 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
             for seed in range(bench.seeds):
                 wanted[Task(bench.job(of, of.method, seed), bench.places, bench.test(of))] = None
     return list(wanted)
+
+
+def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
+    """Write and print how good the probabilities are that every row of ours in Table I was given.
+
+    The LiDAR's are judged beside them where the test rooms were scanned.
+    """
+    found: list[Quality] = []
+    for row in rows:
+        if (row.table, row.method) != ("I", "ours"):
+            continue
+        tested = bench.tested(row)
+        names = sorted({str(room) for room in tested[0].rooms})
+        scanned = has_lidar(bench.places.scenes, names)
+        lidar = lidar_of(bench.places.scenes, names) if scanned else None
+        found += qualities(NAMES[row.model], row.split, tested, lidar)
+    if found:
+        page = as_markdown(found)
+        write_file(results / "predictor.md", page)
+        write_file(results / "predictor.json", json.dumps([asdict(q) for q in found], indent=1))
+        print(f"Collision probabilities\n\n{page}")
 
 
 def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:

@@ -51,6 +51,9 @@ class Tested:
         success: bool [N]. collisions: int64 [N].
         path: float64 [N], actions, Done included. shortest: float64 [N].
         rooms: [N], names of the rooms.
+        p_hat: float16 [M], what the policy was given at every step of every episode.
+        blocked: bool [M], MoveAhead would have collided there.
+        states: int32 [M], where that was, see ``SceneBank``.
         commit: of the code that trained it.
         identity: of the episodes.
     """
@@ -60,6 +63,9 @@ class Tested:
     path: np.ndarray
     shortest: np.ndarray
     rooms: np.ndarray
+    p_hat: np.ndarray
+    blocked: np.ndarray
+    states: np.ndarray
     commit: str
     identity: str
 
@@ -103,6 +109,8 @@ def save(found: Evaluation, path: Path) -> None:
         WriteError: the results cannot be written.
     """
     results = found.results
+    states = np.concatenate([[], *(step.states for step in found.trace)]).astype(np.int32)
+    heard = np.concatenate([[], *(step.p_hat for step in found.trace)])
     with writing(path), whole(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
@@ -111,6 +119,9 @@ def save(found: Evaluation, path: Path) -> None:
             path=np.array([r.path_length for r in results]),
             shortest=np.array([r.shortest_path_length for r in results]),
             rooms=found.rooms,
+            p_hat=heard.astype(np.float16),
+            blocked=found.bank.collided[states],
+            states=states,
             commit=np.array(found.what["commit"]),
             identity=np.array(found.episodes.identity(found.bank)),
         )

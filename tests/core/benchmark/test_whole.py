@@ -79,6 +79,15 @@ def test_csv_and_pages_say_the_same(options: Benchmark, found) -> None:
     assert "| data2 | ours (MJOLNIR-r) | 55.8 |" in page
 
 
+def test_probabilities_are_judged_where_ours_drove(options: Benchmark, found) -> None:
+    rgb, lidar = json.loads((options.out / "predictor.json").read_text())
+    assert (rgb["source"], lidar["source"]) == ("RGB predictor", "LiDAR")
+    assert rgb["steps"] == lidar["steps"] >= 40
+    assert (lidar["auc"], lidar["ece"], lidar["skill"]) == (1.0, 0.0, 1.0)  # the truth, here
+    assert rgb["skill"] < 1
+    assert "| data2 | MJOLNIR-r | LiDAR | 1.000 |" in (options.out / "predictor.md").read_text()
+
+
 def test_stage_one_was_trained_once(options: Benchmark, found) -> None:
     (ours,) = (options.out / "runs").glob(OF.format("ours"))
     (plain,) = (options.out / "runs").glob(OF.format("plain"))
