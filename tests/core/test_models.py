@@ -9,6 +9,8 @@ import pytest
 import torch
 from torch import nn
 
+from cfnav_core.agent import new_agent
+from cfnav_core.config import RunConfig
 from cfnav_core.models import MODELS, PUBLISHED, Inputs, Knowledge, ModelSize, Seen
 from cfnav_core.models.heads import ActorCritic
 
@@ -95,6 +97,22 @@ def test_p_hat_changes_the_answer_and_zero_leaves_its_column_out(model):
     column += 1
     assert torch.equal(model(zero, state)[0], plain[0])
     column.copy_(kept)
+
+
+@pytest.mark.parametrize("name", ["compact", "lstde", "tdanet"])
+def test_a_listening_model_adds_p_hat_to_its_answer(name):
+    config = RunConfig(model=name, size=SMALL, listening=True)
+    agent = new_agent(config, BUILT_IN, knowledge(38))
+    listening = agent.model.eval()
+    inner, state = listening.model, listening.zero_state(3)
+    seen = views(BUILT_IN, 3)
+    for given, expected in zip(listening(seen, state), inner(seen, state), strict=True):
+        torch.testing.assert_close(given, expected)
+    weight = torch.arange(6.0)
+    listening.weight.data.copy_(weight)
+    moved = listening(seen, state)[0] - inner(seen, state)[0]
+    torch.testing.assert_close(moved, seen.collision_probability * weight)
+    assert any(p is listening.weight for p in agent.parameters()[0])
 
 
 def test_episodes_of_a_batch_do_not_influence_one_another(model):
