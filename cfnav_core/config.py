@@ -63,6 +63,10 @@ class ModelSize:
     """On picture and fusion maps; the published networks have 0.25."""
 
 
+PUBLISHED = ModelSize(hidden=512, channels=64, dropout=0.25)
+"""Widths of the published networks over 7x7 maps."""
+
+
 @dataclass(frozen=True)
 class RunConfig:
     """What is trained."""

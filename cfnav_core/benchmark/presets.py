@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from cfnav_core.config import Hyperparameters, ModelName, ModelSize, RunConfig
-from cfnav_core.models import PUBLISHED
+from cfnav_core.config import PUBLISHED, Hyperparameters, ModelName, ModelSize, RunConfig
 
 PresetName = Literal["small", "full", "tiny"]
 

@@ -1,11 +1,10 @@
 """The navigation models by name. A new model is one file and one line here."""
 
+from cfnav_core.config import PUBLISHED, ModelSize
 from cfnav_core.models.akgvp import AKGVP
 from cfnav_core.models.base import (
-    PUBLISHED,
     Inputs,
     Knowledge,
-    ModelSize,
     NavModel,
     Seen,
     State,

@@ -6,7 +6,8 @@ Source: Xu, Wang et al., Aligning Knowledge Graph with Visual Perception for Obj
 
 from __future__ import annotations
 
-from cfnav_core.models.base import Inputs, Knowledge, ModelSize
+from cfnav_core.config import ModelSize
+from cfnav_core.models.base import Inputs, Knowledge
 from cfnav_core.models.lstde import LayoutModel
 from cfnav_core.models.reading import table
 

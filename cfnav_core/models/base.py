@@ -11,7 +11,6 @@ import torch
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.config import ModelSize
 from cfnav_core.models.picture import Picture
 
 State = dict[str, Tensor]
@@ -95,10 +94,6 @@ class Seen:
     room: Tensor
     previous_action: Tensor
     collision_probability: Tensor
-
-
-PUBLISHED = ModelSize(hidden=512, channels=64, dropout=0.25)
-"""Widths of the published networks over 7x7 maps."""
 
 
 class NavModel(nn.Module):

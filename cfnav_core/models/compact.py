@@ -12,10 +12,10 @@ import torch
 from torch import Tensor, nn
 
 from cfnav_core.actions import NUM_ACTIONS
+from cfnav_core.config import ModelSize
 from cfnav_core.models.base import (
     Inputs,
     Knowledge,
-    ModelSize,
     NavModel,
     Seen,
     State,

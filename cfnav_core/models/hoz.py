@@ -11,7 +11,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import one_hot
 
-from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.config import ModelSize
+from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
 from cfnav_core.models.graphs import (
     first_hops,
     goal_zone,

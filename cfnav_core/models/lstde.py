@@ -9,8 +9,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from cfnav_core.config import ModelSize
 from cfnav_core.models import layout
-from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
 from cfnav_core.models.heads import ActionEmbedding, ActorCritic, gate_done, initialise
 from cfnav_core.models.picture import Fusion, Picture
 from cfnav_core.models.reading import columns_of, table

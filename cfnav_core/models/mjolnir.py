@@ -10,7 +10,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.config import ModelSize
+from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
 from cfnav_core.models.baseline import WordFusion
 from cfnav_core.models.graphs import normalised
 from cfnav_core.models.heads import ActorCritic, initialise

@@ -12,7 +12,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.models.base import Inputs, Knowledge, ModelSize, NavModel, Seen, State
+from cfnav_core.config import ModelSize
+from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
 from cfnav_core.models.heads import ActionEmbedding, ActorCritic, initialise
 from cfnav_core.models.reading import columns_of, similarities, table
 

@@ -176,8 +176,8 @@ def test_trials_go_on_where_they_stopped_and_repeat_themselves(
     start_process: Callable, ros_domain_id: int, eager_bundle: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "trials.jsonl"
-    fixed = ["--domain", str(ros_domain_id), "--out", str(out), "--room", "bathroom:20"]
-    fixed += ["--speed", "0"]
+    fixed = ["episodes", "--domain", str(ros_domain_id), "--out", str(out)]
+    fixed += ["--room", "bathroom:20", "--speed", "0"]
 
     def run(*arguments: str) -> list[dict]:
         process = start_process("cfnav_ros.trials", *fixed, *arguments)
