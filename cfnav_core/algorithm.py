@@ -127,6 +127,8 @@ def collect_rollout(
             r.collision_logit.append(logit[:, 0])
             if stage.feed_prediction:  # Alg. 1: O_t <- (I_t, g, p_hat_t), else (I_t, g, 0)
                 p_hat = torch.sigmoid(logit).detach()
+        if stage.feed_truth:
+            p_hat = env.blocked[:, None].float()
         seen = Seen(
             features, detections, env.goal_one_hot, env.room_one_hot, memory.previous_action, p_hat
         )
@@ -136,6 +138,8 @@ def collect_rollout(
         action = _sampled(pi.detach(), env.part, generator)  # Alg. 1: execute a_t
         before = env.state
         outcome = env.step(action[:, 0])  # Alg. 1: observe p_t and r_t (Eq. 4)
+        if stage.feed_truth:
+            p_hat = env.blocked[:, None].float()  # for V of the state that was reached
         shaping = stage.distance_shaping
         facts = env.facts(before, action[:, 0], outcome.success, paths=shaping != 0)
         r_o, memory.reward = agent.reward(facts, memory.reward, agent.tables)

@@ -12,7 +12,7 @@ Rooms = Annotated[tuple[str, ...], tyro.conf.UseAppendAction]
 
 # Rows of the tables of the same name, which need torch; a test holds them equal.
 MethodName = Literal[
-    "ours", "plain", "reward", "xiao", "wu", "stage_only", "cp_only", "reward_only"
+    "ours", "plain", "reward", "xiao", "wu", "stage_only", "cp_only", "reward_only", "truth"
 ]
 ModelName = Literal[
     "compact", "baseline_label", "baseline_word", "hoz", "lstde", "akgvp", "mjolnir", "tdanet"

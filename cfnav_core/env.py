@@ -364,6 +364,11 @@ class ObjectNavEnv:
         self.state = self._next[self.state, action]
         return StepResult(success, collided, done, truncated)
 
+    @property
+    def blocked(self) -> Tensor:
+        """Whether MoveAhead would collide now: bool [B]."""
+        return self._collided[self.state]
+
     def facts(
         self, before: Tensor, action: Tensor, success: Tensor, paths: bool = False
     ) -> StepFacts:

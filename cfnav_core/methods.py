@@ -13,12 +13,14 @@ class Stage:
         collision_penalty: r_c of Eq. 4.
         train_predictor: learn P(I_t; phi) from MoveAhead steps.
         feed_prediction: give p_hat to the policy; zero otherwise.
+        feed_truth: in training, give it the true flag where it will be given p_hat.
         distance_shaping: lambda of Xiao et al., reward per metre that the way gets shorter.
     """
 
     collision_penalty: float = 0.0
     train_predictor: bool = False
     feed_prediction: bool = False
+    feed_truth: bool = False
     distance_shaping: float = 0.0
 
     @property
@@ -56,9 +58,12 @@ METHODS: dict[str, Method] = {
     "stage_only": Method(Stage(), Stage(collision_penalty=-0.5)),
     "cp_only": throughout(Stage(train_predictor=True, feed_prediction=True)),
     "reward_only": throughout(Stage(collision_penalty=-0.5)),
+    "truth": Method(PREDICT, Stage(collision_penalty=-0.5, feed_prediction=True, feed_truth=True)),
 }
 """ours, the original model, the three comparisons and the three ablations. Source: Section V.
 
 Wu et al. train the prediction as an auxiliary task and feed it to nobody. Reward Only keeps the
-penalty of ours from the first episode on; with -0.1 it would repeat Reward.
+penalty of ours from the first episode on; with -0.1 it would repeat Reward. Truth is not in the
+paper: in stage two the simulator knows what the robot's LiDAR will nearly know, and a policy that
+was never lied to has more reason to listen.
 """

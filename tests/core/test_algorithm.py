@@ -89,6 +89,21 @@ def fed_probabilities(env, agent, memory, stage: Stage) -> torch.Tensor:
     return torch.cat(seen)
 
 
+def test_truth_is_told_before_the_step():
+    """Told that a MoveAhead would collide, it collides; told otherwise, it moves."""
+    env, agent, memory = parts("truth")
+    told = fed_probabilities(env, agent, memory, METHODS["truth"].stage2)
+    told = told[: 5 * env.batch].view(5, -1).bool()
+    env, agent, memory = parts("truth")
+    r = collect_rollout(
+        env, agent, memory, METHODS["truth"].stage2, 5, torch.Generator().manual_seed(0)
+    )
+    ahead, collided = torch.stack(r.moved_ahead), torch.stack(r.collided)
+    assert (ahead & told).any()
+    assert (ahead & ~told).any()
+    assert torch.equal(collided, ahead & told)
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_stage_rules(name):
     """p_hat and predictor as the method's stages say; r_c and shaping as the table says."""
@@ -96,7 +111,10 @@ def test_stage_rules(name):
     method, own = METHODS[name], own_parameters(agent)
     for stage in (method.stage1, method.stage2):
         fed = fed_probabilities(env, agent, memory, stage)
-        assert (fed > 0).all() if stage.feed_prediction else (fed == 0).all()
+        if stage.feed_truth:
+            assert set(fed.unique().tolist()) == {0.0, 1.0}
+        else:
+            assert (fed > 0).all() if stage.feed_prediction else (fed == 0).all()
         memory.detach()
         r = collect_rollout(env, agent, memory, stage, 20, torch.Generator())
         loss, collision, _ = losses(r, stage, Hyperparameters())

@@ -335,4 +335,4 @@ def test_help_names_every_option():
              for f in fields(c) if f.name not in ("run", "hyperparameters", "size")]  # fmt: skip
     for name in asked:
         assert re.search(rf"--{name.replace('_', '-')}[ ,\n]", done.stdout), name
-    assert "{ours,plain,reward,xiao,wu,stage_only,cp_only,reward_only}" in done.stdout
+    assert "{ours,plain,reward,xiao,wu,stage_only,cp_only,reward_only,truth}" in done.stdout
