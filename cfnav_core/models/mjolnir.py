@@ -25,7 +25,7 @@ class ObjectGraph(nn.Module):
         adjacency: float32 [C, C], normalised.
         words: float32 [C, W].
         context: width K + 1 of an object's context with its similarity to the goal.
-        width: of the vector that comes out.
+        width: of the vector that comes out; hidden nodes have the input's width, at most this.
     """
 
     words: Tensor
@@ -33,12 +33,13 @@ class ObjectGraph(nn.Module):
     def __init__(self, adjacency: Tensor, words: Tensor, context: int, width: int) -> None:
         super().__init__()
         objects, node = len(words), len(words) + words.shape[1]
+        hidden = min(node, width)
         self.objects = objects
         self.adjacency = nn.Parameter(adjacency.clone())
         self.register_buffer("words", words, persistent=False)
-        self.first = nn.Linear(node, node, bias=False)
-        self.second = nn.Linear(node, node, bias=False)
-        self.third = nn.Linear(node, context, bias=False)
+        self.first = nn.Linear(node, hidden, bias=False)
+        self.second = nn.Linear(hidden, hidden, bias=False)
+        self.third = nn.Linear(hidden, context, bias=False)
         self.last = nn.Linear(2 * context, 1, bias=False)
         self.out = nn.Linear(objects, width)
 
