@@ -54,8 +54,7 @@ class Job:
     @property
     def config(self) -> RunConfig:
         """What is trained."""
-        run = PRESETS[self.preset].runs[self.model]
-        return replace(run, model=self.model, method=self.method, seed=self.seed)
+        return PRESETS[self.preset].run(self.model, self.method, self.seed)
 
     @property
     def hash(self) -> str:

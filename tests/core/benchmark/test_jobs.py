@@ -10,6 +10,7 @@ import pytest
 from cfnav_core.benchmark.jobs import Job, Places, jobs_of
 from cfnav_core.benchmark.presets import MODELS, PRESETS
 from cfnav_core.benchmark.rows import PAIRS, ROWS
+from cfnav_core.methods import METHODS
 from cfnav_core.rooms import SPLITS
 from cfnav_core.run import STAGE1
 
@@ -76,3 +77,12 @@ def test_rooms_are_those_of_the_split_and_test_rooms_stay_unseen() -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_has_every_model(preset: str) -> None:
     assert set(PRESETS[preset].runs) == set(MODELS) == {row.model for row in ROWS}
+
+
+def test_only_methods_with_a_penalty_in_stage_one_begin_stage_two_later() -> None:
+    later = {
+        method for method in METHODS
+        if replace(OURS, method=method).config.hyperparameters.stage1_episodes
+        > OURS.config.hyperparameters.stage1_episodes
+    }  # fmt: skip
+    assert later == {"reward", "xiao", "reward_only"}
