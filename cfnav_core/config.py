@@ -17,9 +17,10 @@ MethodName = Literal[
 ModelName = Literal[
     "compact", "baseline_label", "baseline_word", "hoz", "lstde", "akgvp", "mjolnir", "tdanet"
 ]
-PHat = Literal["own", "zero", "shuffled", "true", "lidar"]
+PHat = Literal["own", "zero", "shuffled", "true", "lidar", "both"]
 """What a policy is given as collision probability at test: its own prediction, zero, its own
-prediction of another episode, the true flag, or what the LiDAR node would say."""
+prediction of another episode, the true flag, what the LiDAR node would say, or the larger of that
+and its own."""
 RewardName = Literal["baseline", "hoz", "layout", "mjolnir", "similarity"]
 
 

@@ -114,7 +114,8 @@ def run_episodes(
         episodes: starts and goals in them.
         sample_seed: draw actions with this seed; argmax when None.
         p_hat: what the policy is given; see ``PHat``.
-        lidar: float32 [S], what the LiDAR node says in every state; for p_hat "lidar" and veto.
+        lidar: float32 [S], what the LiDAR node says in every state; for p_hat "lidar" or
+            "both", and for the veto.
         veto: a MoveAhead that the LiDAR forbids is not carried out, as on the robot.
         trace: gets what happened at each step.
 
@@ -145,6 +146,9 @@ def run_episodes(
         elif p_hat == "lidar":
             assert lidar is not None
             given = lidar[at]
+        elif p_hat == "both":
+            assert lidar is not None
+            given = np.maximum(lidar[at], networks.predict(sight, now))
         pi, heard = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:
@@ -287,7 +291,7 @@ def evaluate(
     bank = SceneBank.load(scenes, rooms or sorted({s.scene for s in starts}))
     _check_fits(candidate, path, bank, scenes)
     drawn = Episodes.thaw(bank, starts) if frozen else Episodes.draw(bank, episodes, seed)
-    lidar = lidar_of(scenes, bank.names) if veto or p_hat == "lidar" else None
+    lidar = lidar_of(scenes, bank.names) if veto or p_hat in ("lidar", "both") else None
     trace: list[Trace] = []
     results = run_episodes(
         candidate.networks, bank, drawn, seed if sample else None, p_hat, lidar, veto, trace

@@ -52,6 +52,11 @@ class Row:
     against: MethodName | None = None
 
     @property
+    def reads_lidar(self) -> bool:
+        """Whether its test needs what the LiDAR node says in the test rooms."""
+        return self.veto or self.p_hat in ("lidar", "both")
+
+    @property
     def reference(self) -> Row | None:
         """What the gain is over."""
         if self.against is None:
@@ -89,9 +94,12 @@ COMPARED: tuple[tuple[str, str, MethodName, Published], ...] = (
 
 GIVEN: dict[PHat, str] = {
     "zero": "zero for p_hat", "shuffled": "shuffled p_hat", "true": "the true flag for p_hat",
-    "lidar": "LiDAR for p_hat",
+    "lidar": "LiDAR for p_hat", "both": "the larger of LiDAR and p_hat",
 }  # fmt: skip
 """In place of the policy's own prediction."""
+
+TOLD: tuple[PHat, ...] = ("own", "true", "lidar", "both")
+"""What a policy that was told the truth in training is given at test."""
 
 STUDIED: tuple[ModelName, Split] = ("lstde", "data1")
 """What Tables II and III are about."""
@@ -140,13 +148,18 @@ def _own() -> list[Row]:
             Row("own", f"ours ({name}), LiDAR veto", model, "ours", split, p_hat="lidar",
                 veto=True, against="plain"),
         ]  # fmt: skip
-    others: tuple[tuple[tuple[ModelName, Split], MethodName, str], ...] = (
-        (STUDIED, "reward_only", "Reward Only"),
-        (DRIVEN, "reward_only", "Reward Only"),
-        (DRIVEN, "stage_only", "Stage Only"),
+    others: tuple[tuple[tuple[ModelName, Split], MethodName, str, tuple[PHat, ...]], ...] = (
+        (STUDIED, "reward_only", "Reward Only", ("own",)),
+        (STUDIED, "truth", "Truth", TOLD),
+        (DRIVEN, "reward_only", "Reward Only", ("own",)),
+        (DRIVEN, "stage_only", "Stage Only", ("own",)),
+        (DRIVEN, "truth", "Truth", TOLD),
     )
-    for (model, split), method, name in others:
-        rows.append(Row("own", f"{name} ({NAMES[model]})", model, method, split, against="plain"))
+    for (model, split), method, name, given in others:
+        for p_hat in given:
+            words = "" if p_hat == "own" else f", {GIVEN[p_hat]}"
+            title = f"{name} ({NAMES[model]}){words}"
+            rows.append(Row("own", title, model, method, split, p_hat=p_hat, against="plain"))
     return rows
 
 

@@ -92,7 +92,7 @@ def _chosen(options: Benchmark) -> list[Row]:
 
 def _check_lidar(rows: Sequence[Row], bench: Bench) -> None:
     """Rather now than after hours of training."""
-    for split in {row.split for row in rows if row.veto or row.p_hat == "lidar"}:
+    for split in {row.split for row in rows if row.reads_lidar}:
         starts = read_episodes(bench.frozen(split).frozen)
         lidar_of(bench.places.scenes, sorted({start.scene for start in starts}))
 

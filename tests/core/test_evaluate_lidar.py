@@ -21,12 +21,13 @@ class Pusher:
 
     def __init__(self) -> None:
         self.given: list[np.ndarray] = []
+        self.own = 0.0
 
     def zero_state(self, n: int) -> AgentState:
         return AgentState({}, np.zeros((n, 1), np.float32), np.zeros((n, 6), np.float32))
 
     def predict(self, sight, state):
-        return np.zeros(len(sight.goal), np.float32)
+        return np.full(len(sight.goal), self.own, np.float32)
 
     def step(self, sight, state, collision_probability=None):
         self.given.append(collision_probability)
@@ -68,6 +69,16 @@ def test_the_policy_is_given_what_the_lidar_says_where_it_is(bank: SceneBank) ->
     assert len(networks.given) == len(trace)
     for given, step in zip(networks.given, trace, strict=True):
         np.testing.assert_array_equal(given, lidar[step.states])
+
+
+def test_the_policy_is_given_the_larger_of_lidar_and_its_own(bank: SceneBank) -> None:
+    episodes, networks, trace = Episodes.draw(bank, 20, 0), Pusher(), list[Trace]()
+    networks.own = 0.5
+    lidar = np.random.default_rng(0).random(len(bank.collided)).astype(np.float32)
+    run_episodes(networks, bank, episodes, p_hat="both", lidar=lidar, trace=trace)
+    for given, step in zip(networks.given, trace, strict=True):
+        np.testing.assert_array_equal(given, lidar[step.states].clip(min=0.5))
+    assert {0.5} < set(np.concatenate(networks.given))
 
 
 def test_the_veto_is_the_robots() -> None:

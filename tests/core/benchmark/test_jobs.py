@@ -33,8 +33,8 @@ def test_a_run_that_rows_share_is_made_once() -> None:
     jobs = jobs_of(ROWS, 5, "small", "p")
     assert len(set(jobs)) == len(jobs)
     assert sum(j.model == "lstde" and j.method == "plain" for j in jobs) == 5
-    # 7 pairs with 2 methods; of L-sTDE 6 others, of TDANet Stage Only and Reward Only
-    assert len(jobs) == 5 * (7 * 2 + 6 + 2)
+    # 7 pairs with 2 methods; of L-sTDE 7 others, of TDANet Stage Only, Reward Only and Truth
+    assert len(jobs) == 5 * (7 * 2 + 7 + 3)
 
 
 def test_what_is_waited_for_comes_first() -> None:

@@ -65,7 +65,7 @@ def test_every_row_is_there_with_what_the_paper_says(found) -> None:
     assert len(str(ours["config_hash"])) == 12
     assert ours["command"] == "cfnav benchmark I own"
     own = [row for row in found.values() if row["table"] == "own"]
-    assert {row["p_hat"] for row in own} == {"own", "zero", "shuffled", "true", "lidar"}
+    assert {row["p_hat"] for row in own} == {"own", "zero", "shuffled", "true", "lidar", "both"}
     assert found["random"]["gain"] is None
     assert 0 <= float(str(found["random"]["sr_mean"])) < 0.3
 
