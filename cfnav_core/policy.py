@@ -113,20 +113,23 @@ class Policy:
         self._state = self._networks.zero_state(1)
         self._watching = self._networks.zero_state(1).predictor
 
-    def act(self, rgb: np.ndarray, collision_probability: float | None = None) -> Decision:
+    def act(
+        self, rgb: np.ndarray, collision_probability: float | None = None, own_too: bool = False
+    ) -> Decision:
         """Decide on one picture.
 
         Args:
             rgb: uint8 [H, W, 3], square.
             collision_probability: p_hat from elsewhere, 0..1; the bundle's own RGB predictor
                 supplies it when None.
+            own_too: its own counts where it is larger.
 
         Raises:
             PerceptionError: the picture cannot be used.
             ValueError: no goal was set, or the probability is outside 0..1.
         """
         self._check(collision_probability)
-        return self.decide(self.look(rgb), collision_probability)
+        return self.decide(self.look(rgb), collision_probability, own_too)
 
     def look(self, rgb: np.ndarray) -> Observation:
         """Observe one picture, uint8 [H, W, 3], square; remembers nothing.
@@ -136,12 +139,14 @@ class Policy:
         """
         return self._perception.observe(rgb)
 
-    def decide(self, seen: Observation, collision_probability: float | None = None) -> Decision:
+    def decide(
+        self, seen: Observation, collision_probability: float | None = None, own_too: bool = False
+    ) -> Decision:
         """Decide on what one picture shows, see ``act``.
 
         Args:
             seen: one picture of a policy with the same perception.
-            collision_probability: as for ``act``.
+            collision_probability: as for ``act``. own_too: as for ``act``.
 
         Raises:
             ValueError: as for ``act``.
@@ -150,7 +155,10 @@ class Policy:
         given = None
         if collision_probability is not None:
             given = np.array([collision_probability], np.float32)
-        pi, p_hat = self._networks.step(self._sight(seen), self._state, given)
+        sight = self._sight(seen)
+        if given is not None and own_too:
+            given = np.maximum(given, self._networks.predict(sight, self._state))
+        pi, p_hat = self._networks.step(sight, self._state, given)
         action = Action(int(pi[0].argmax()))
         self.executed(action)
         return Decision(action, pi[0], float(p_hat[0]), float(seen.detections[0, self._goal, 0]))

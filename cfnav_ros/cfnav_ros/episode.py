@@ -252,7 +252,8 @@ class Episode:
         probability = inputs.estimate.estimate.probability if self._limits.lidar else None
         self._observed = inputs
         self._conduct.look()
-        self._answer = self._submit(self._policy.act, rgb, probability)
+        own_too = self._limits.p_hat == "both"
+        self._answer = self._submit(self._policy.act, rgb, probability, own_too)
         self._enter(Phase.THINK, t)
 
     def _think(self, t: float, inputs: Inputs) -> Output:

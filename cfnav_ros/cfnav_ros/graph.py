@@ -72,7 +72,7 @@ class GraphConfig:
         lock_step: the simulator waits for the policy at every moment, so that an episode repeats
             itself; no measure of reaction times.
         camera: the robot's: "mast", which tilts, or "preview", as sold, which does not.
-        lidar: whether the collision probability comes from the LiDAR; else the bundle's own.
+        p_hat: where the collision probability comes from, see ``EpisodeLimits``.
         visual_shift: of the pictures against those of training, 0 to 1.
         track: whether ``Graph.track`` follows the true path of each episode.
     """
@@ -86,7 +86,7 @@ class GraphConfig:
     bag: Path | None = None
     lock_step: bool = False
     camera: str = "mast"
-    lidar: bool = True
+    p_hat: str = "lidar"
     visual_shift: float = 0.0
     track: bool = False
 
@@ -102,7 +102,7 @@ class GraphConfig:
         policy: dict[str, object] = {
             "use_sim_time": True,
             "episode.veto": self.veto,
-            "episode.lidar": self.lidar,
+            "episode.p_hat": self.p_hat,
         }
         if self.camera == "preview":
             policy["episode.has_tilt"] = False

@@ -39,8 +39,9 @@ class EpisodeLimits:
     )
     max_stalls: int = setting(3, "motions in a row without progress: the base is stuck", 1, 1000)
     max_pushes: int = setting(8, "times that the base may move by itself in an episode", 1, 1000)
-    lidar: bool = setting(
-        True, "collision probability from the LiDAR; off: the bundle's own, no veto"
+    p_hat: str = setting(
+        "lidar",
+        "collision probability: of the lidar, the bundle's own (no veto), or both, the larger one",
     )
     veto: bool = setting(True, "the LiDAR may forbid a MoveAhead", live=True)
     veto_probability: float = setting(0.5, "from which it does", 0.001, 1.0, live=True)
@@ -54,10 +55,17 @@ class EpisodeLimits:
     def __post_init__(self) -> None:
         if self.max_steps < 1:
             raise ValueError(f"max_steps is {self.max_steps}, expected at least 1.")
+        if self.p_hat not in ("lidar", "own", "both"):
+            raise ValueError(f"p_hat is {self.p_hat!r}, expected lidar, own or both.")
         if not 0 < self.veto_probability <= 1:
             raise ValueError(
                 f"veto_probability is {self.veto_probability}, expected a number in (0, 1]."
             )
+
+    @property
+    def lidar(self) -> bool:
+        """Whether an episode needs the LiDAR."""
+        return self.p_hat != "own"
 
     def forbids(self, estimate: Estimate) -> bool:
         """Whether the LiDAR's veto forbids a MoveAhead."""

@@ -109,7 +109,8 @@ class PolicyNode(Node):
 
     def _announce(self) -> None:
         episode = self._settings.episode
-        probability = "collision/estimate" if episode.lidar else "the bundle's own predictor"
+        sources = {"lidar": "collision/estimate", "own": "the bundle's own predictor"}
+        probability = sources.get(episode.p_hat, "the larger of both")
         veto = "on" if episode.lidar and episode.veto else "off"
         self.get_logger().info(
             f"Bundle {self._policy.name} drives, run by {self._settings.backend}. Pictures from "

@@ -23,6 +23,7 @@ import tyro
 from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.bundle import BundleHead
+from cfnav_core.config import PHat
 from cfnav_core.whole import write_file
 from cfnav_ros.demo import commit, run_trial
 from cfnav_ros.json_lines import append_row, read_rows
@@ -50,20 +51,24 @@ class Way:
     Attributes:
         name: of the row. method: of training.
         paper: successes in 15 trials that the paper reports.
-        lidar, veto, visual_shift: see ``GraphConfig``.
+        p_hat, veto, visual_shift: see ``GraphConfig``.
     """
 
     name: str
     method: str
     paper: int | None = None
-    lidar: bool = True
+    p_hat: PHat = "lidar"
     veto: bool = False
     visual_shift: float = VISUAL_SHIFT
 
     @property
     def key(self) -> str:
         """Name of its file of results."""
-        words = [self.method, *(["veto"] if self.veto else []), *([] if self.lidar else ["rgb"])]
+        words = [
+            self.method,
+            *(["veto"] if self.veto else []),
+            *([] if self.p_hat == "lidar" else [self.p_hat]),
+        ]
         return "_".join([*words, *([] if self.visual_shift else ["unshifted"])])
 
 
@@ -72,7 +77,10 @@ WAYS = (
     Way("Reward Only (TDANet)", "reward_only", 1),
     Way("Stage Only (TDANet)", "stage_only", 4),
     Way("ours (TDANet)", "ours", 12),
-    Way("ours (TDANet), RGB for p_hat", "ours", lidar=False),
+    Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
+    Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
+    Way("Truth (TDANet)", "truth"),
+    Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
     Way("TDANet, LiDAR veto", "plain", veto=True),
     Way("ours (TDANet), LiDAR veto", "ours", veto=True),
     Way("TDANet, no visual shift", "plain", visual_shift=0.0),
@@ -88,13 +96,13 @@ class TableIV:
     """Drive Table IV: 15 trials a method as in the paper, or more over several training seeds."""
 
     bundles: Path = Path("out/grid/bundles")
-    """Folder of bundles METHOD_seedN: plain, reward_only, stage_only and ours (cfnav export)."""
+    """Folder of bundles METHOD_seedN: of plain, reward_only, stage_only, ours and truth."""
     trials: int = TRIALS
     """Of each row."""
     seeds: int = 1
     """Training seeds that share the trials."""
     own: bool = True
-    """Also the rows of our own: veto, RGB for the LiDAR, no visual shift."""
+    """Also the rows of our own: veto, RGB for or beside the LiDAR, Truth, no visual shift."""
     only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Only these rows, by the method's name, given as often as needed; writes no table."""
     out: Path = Path("out/trials")
@@ -173,7 +181,7 @@ def _drive(config: TableIV, way: Way, seed: int) -> None:
     print(f"{way.name}, training seed {seed}: {len(missing)} trials", flush=True)
     graph_config = GraphConfig(
         room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
-        bundle=bundle, veto=way.veto, domain=config.domain, lock_step=True, lidar=way.lidar,
+        bundle=bundle, veto=way.veto, domain=config.domain, lock_step=True, p_hat=way.p_hat,
         visual_shift=way.visual_shift, track=True,
     )  # fmt: skip
     with Graph(graph_config) as graph:
@@ -238,7 +246,7 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     return Figures(
         table="IV", row=way.name, model="tdanet", method=way.method,
         split=f"{config.trials} live trials",
-        p_hat="lidar" if way.lidar else "own", veto=way.veto,
+        p_hat=way.p_hat, veto=way.veto,
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_cf_spl=None,
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),

@@ -90,12 +90,22 @@ def test_without_its_vetoed_decisions_it_is_not_the_same_policy(recorded, policy
 
 def test_a_drive_without_lidar_takes_the_bundles_own_predictor(bundle, policy):
     robot = RecordedRobot(seed=2)
-    robot.drive(Policy.load(bundle), "Mug", max_steps=15, lidar=False)
+    robot.drive(Policy.load(bundle), "Mug", max_steps=15, p_hat="own")
     run = replay(robot.events, policy)
     result = reproduction(run.steps)
     assert result.decisions == result.equal == len(decisions(robot.events)) > 5
     assert [s.p_hat_rgb for s in run.steps] == [s.p_hat for s in run.steps]
     assert {(s.estimate_ns, s.would_veto) for s in run.steps} == {(0, False)}
+
+
+def test_a_drive_by_the_larger_of_lidar_and_own_is_reproduced(bundle, policy):
+    robot = RecordedRobot(seed=2)
+    robot.drive(Policy.load(bundle), "Mug", max_steps=15, p_hat="both")
+    run = replay(robot.events, policy, limits=EpisodeLimits(p_hat="both"))
+    result = reproduction(run.steps)
+    assert result.decisions == result.equal == len(decisions(robot.events)) > 5
+    assert all(s.p_hat >= s.p_hat_rgb for s in run.steps)
+    assert any(s.p_hat == s.p_hat_rgb for s in run.steps)
 
 
 def test_the_predictor_beside_the_lidar_is_the_one_that_would_supply(recorded, policy):
@@ -314,7 +324,7 @@ def test_inferred_decisions_keep_the_live_rule_of_ages(recorded, policy):
 
 def test_inferred_decisions_without_a_lidar_take_the_bundles_own_predictor(recorded, policy):
     events = without(teleoperated(recorded[0]), lambda e: isinstance(e, LaserTurn))
-    limits = EpisodeLimits(lidar=False)
+    limits = EpisodeLimits(p_hat="own")
     run = replay(events, policy, infer=True, limits=limits)
     assert run.steps
     assert {s.estimate_ns for s in run.steps} == {0}
@@ -348,7 +358,7 @@ def test_a_bump_ends_an_inferred_move_and_labels_it(policy):
         if k == 36:
             pressed_ns = t
             events.append(Bumps(t_ns=t, log_ns=t, zones=("bump_front_center",)))
-    run = Replay({"restless": policy}, Estimates(), EpisodeLimits(lidar=False), infer=True)
+    run = Replay({"restless": policy}, Estimates(), EpisodeLimits(p_hat="own"), infer=True)
     run.begin("Mug", 0)
     for event in events:
         run.see(event)

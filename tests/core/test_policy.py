@@ -67,6 +67,25 @@ def test_the_predictor_says_what_it_would_supply(bundle, backend):
             policy.executed(Action.RotateLeft)
 
 
+@pytest.mark.parametrize("backend", ["onnx", "torch"])
+def test_its_own_probability_counts_where_it_is_larger(bundle, backend):
+    policy = Policy.load(bundle, backend)
+    _, predicted = drive(policy, 0.0, watched=True)
+    between = (min(predicted) + max(predicted)) / 2
+    policy.reset("Mug")
+    given = [policy.decide(policy.look(p), between, own_too=True) for p in PICTURES]
+    assert [d.collision_probability for d in given[:3]] == pytest.approx(
+        [max(p, between) for p in predicted[:3]]
+    )
+    assert len({d.collision_probability for d in given}) > 1
+    policy.reset("Mug")
+    own = [policy.decide(policy.look(p), 0.0, own_too=True) for p in PICTURES]
+    policy.reset("Mug")
+    alone = [policy.decide(policy.look(p)) for p in PICTURES]
+    for a, b in zip(own, alone, strict=True):
+        np.testing.assert_array_equal(a.probabilities, b.probabilities)
+
+
 def test_a_new_episode_begins_with_an_empty_memory(bundle):
     policy = Policy.load(bundle)
     assert drive(policy, 0.5, watched=True)[1] == drive(policy, 0.5, watched=True)[1]

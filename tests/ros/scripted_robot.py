@@ -27,7 +27,7 @@ class ScriptedPolicy:
 
     def __init__(self, *actions):
         self.actions = list(actions)
-        self.seen, self.calls = [], []
+        self.seen, self.own_too, self.calls = [], [], []
 
     def admits(self, goal):
         return "" if goal in self.goals else f"found goal {goal!r}, expected one of Laptop, Mug"
@@ -35,9 +35,10 @@ class ScriptedPolicy:
     def reset(self, goal):
         self.calls.append(("reset", goal))
 
-    def act(self, rgb, collision_probability=None):
+    def act(self, rgb, collision_probability=None, own_too=False):
         self.calls.append(("act", int(rgb[0, 0, 0])))
         self.seen.append(collision_probability)
+        self.own_too.append(own_too)
         return SimpleNamespace(
             action=self.actions.pop(0),
             probabilities=np.full(6, 1 / 6, np.float32),

@@ -123,10 +123,20 @@ def test_without_lidar_the_policy_is_given_no_probability():
     robot.sense()
     robot.inputs = dataclasses.replace(robot.inputs, estimate=Inputs().estimate)
     robot.frozen = {"estimate"}
-    episode, policy = episode_of(Action.MoveAhead, Action.Done, lidar=False)
+    episode, policy = episode_of(Action.MoveAhead, Action.Done, p_hat="own")
     robot.run(episode)
     assert episode.outcome == "done"
     assert policy.seen == [None, None]
+
+
+@pytest.mark.parametrize("p_hat", ["lidar", "both"])
+def test_the_bundles_own_probability_counts_beside_the_lidars_when_told_so(p_hat):
+    robot = Robot()
+    episode, policy = episode_of(Action.MoveAhead, Action.Done, p_hat=p_hat)
+    robot.run(episode)
+    assert episode.outcome == "done"
+    assert None not in policy.seen
+    assert policy.own_too == [p_hat == "both"] * 2
 
 
 def test_a_way_that_closes_stops_the_move():

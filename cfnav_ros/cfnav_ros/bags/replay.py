@@ -280,7 +280,7 @@ class Replay:
         judged = moment.estimate
         p_hat_rgb = runner.policy.predict_collision(seen)
         given = judged.estimate.probability if judged else None
-        decision = runner.policy.decide(seen, given)
+        decision = runner.policy.decide(seen, given, self._limits.p_hat == "both")
         looks = [j.estimate for j in (judged, moment.newest) if j] if judged else []
         vetoed = decision.action is Action.MoveAhead and any(map(self._limits.forbids, looks))
         return ReplayStep(
