@@ -84,7 +84,7 @@ SMALL: dict[ModelName, RunConfig] = {
     "hoz": _small(SPARSE, 80_000),
     "lstde": _small(SHAPED, 40_000),
     "akgvp": _small(SHAPED, 40_000),
-    "mjolnir": _small(SHAPED, 40_000),
+    "mjolnir": _small(SHAPED, 125_000),
     "tdanet": _small(SHAPED, 30_000),
 }
 """E_1 ends after training CF-SR has begun to rise steeply: a policy that only turns on the spot has
