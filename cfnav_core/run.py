@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import time
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -80,9 +81,18 @@ class Run:
             torch.optim.Adam(own, self.hp.lr, fused=True) for own in self.agent.parameters()
         )
         self.episodes, self.steps, self.best = 0, 0, -1.0
+        self._cpu_s_before = 0.0
         self._board: SummaryWriter | None = None
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.options.out.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor seconds of this process and, up to its checkpoint, of those before it.
+
+        With loading and validations; without a stage one that was given and asynchronous workers.
+        """
+        return self._cpu_s_before + time.process_time()
 
     @property
     def total(self) -> int:
@@ -112,6 +122,7 @@ class Run:
         self.episodes, self.steps = head["episodes"], head["steps"]
         if source == own:
             self.best = head["best"]
+            self._cpu_s_before = head.get("cpu_s", 0.0)
             if self.ranks.leads:
                 self._forget_later_lines()
 
@@ -180,7 +191,8 @@ class Run:
         goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
         save_tensors(self.options.out / name, tensors, {
             "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
-            "best": self.best, "perception": self.bank.perception, "goals": goals,
+            "best": self.best, "cpu_s": self.cpu_s,
+            "perception": self.bank.perception, "goals": goals,
             "inputs": asdict(self.bank.inputs),
             "commit": self.commit, "train_rooms": self.options.train_rooms,
             "validation_rooms": self.options.validation_rooms,

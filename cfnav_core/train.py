@@ -206,14 +206,15 @@ def _validate_and_log(
 ) -> dict[str, float]:
     ended, updates = max(1.0, sums["ended"]), max(1.0, sums["updates"])
     now = time.monotonic()
+    tested = run.validate()
     figures = {
         "episodes": run.episodes, "steps": run.steps,
-        "steps_per_s": sums["steps"] / (now - since),
+        "steps_per_s": sums["steps"] / (now - since), "cpu_s": run.cpu_s,
         "memory_mb": own_memory_mb(), "peak_memory_mb": peak_memory_mb(),
         "sr": sums["successes"] / ended, "cf_sr": sums["collision_free"] / ended,
         "collisions_per_episode": sums["collisions"] / ended, "length": sums["steps"] / ended,
         **{k: v / updates for k, v in sums.items() if k.endswith("loss") or k == "entropy"},
-        **run.validate(),
+        **tested,
     }  # fmt: skip
     run.log(figures)
     bar.set_postfix_str(

@@ -15,6 +15,7 @@ from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
 from cfnav_core.benchmark.predictor import Quality, as_markdown, qualities
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
+from cfnav_core.benchmark.runs import write_runs
 from cfnav_core.benchmark.tables import Bench, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import KnowledgeCommand
@@ -72,6 +73,7 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
         found += [figures_of_chance(split, bench) for split in splits]
     results = options.results or places.out
     write_tables(found, results)
+    write_runs(jobs, places, results)
     judge_predictors(rows, bench, results)
     draw_figures(rows, bench, results)
     return found

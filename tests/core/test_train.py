@@ -65,12 +65,15 @@ def test_learns_a_small_hall_and_collides_less(scenes):
     assert log[-1]["collisions_per_episode"] < stage1[-1]["collisions_per_episode"]
     assert "collision_loss" not in log[-1]
     assert log[0]["steps_per_s"] > 0
+    assert 0 < log[0]["cpu_s"] < log[-1]["cpu_s"]
     assert 50 < log[0]["peak_memory_mb"] < 4000
     board = EventAccumulator(str(chosen.out)).Reload()
     curve = [(point.step, point.value) for point in board.Scalars("validation_cf_sr")]
     assert curve == [(row["episodes"], pytest.approx(row["validation_cf_sr"])) for row in log]
     run = Run(chosen)
+    fresh = run.cpu_s
     run.resume()
+    assert run.cpu_s > fresh + log[-1]["cpu_s"] - log[0]["cpu_s"]
     bank = SceneBank.load(scenes, ["kitchen:0"])
     episodes = Episodes.draw(bank, 200, 0)
     networks = TorchNetworks(run.model, run.predictor, feeds=True)

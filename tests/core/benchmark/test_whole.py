@@ -79,6 +79,16 @@ def test_csv_and_pages_say_the_same(options: Benchmark, found) -> None:
     assert "| data2 | ours (MJOLNIR-r) | 55.8 |" in page
 
 
+def test_what_training_took_is_kept(options: Benchmark, found) -> None:
+    with (options.out / "runs.csv").open() as file:
+        ours, plain = csv.DictReader(file)
+    assert (ours["method"], plain["method"]) == ("ours", "plain")
+    assert ours["config_hash"] == found["ours (MJOLNIR-r)"]["config_hash"]
+    assert int(ours["episodes"]) >= 400
+    assert float(ours["cpu_s"]) > 0
+    assert 0 <= float(ours["validation_cf_sr"]) <= 1
+
+
 def test_probabilities_are_judged_where_ours_drove(options: Benchmark, found) -> None:
     rgb, lidar = json.loads((options.out / "predictor.json").read_text())
     assert (rgb["source"], lidar["source"]) == ("RGB predictor", "LiDAR")

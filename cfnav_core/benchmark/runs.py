@@ -1,0 +1,80 @@
+"""What the training of every run took and reached: ``runs.csv`` beside the tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.checkpoint import load_tensors
+from cfnav_core.run import BEST, LOG
+from cfnav_core.whole import write_file
+
+RUNS = "runs.csv"
+
+
+@dataclass(frozen=True)
+class Trained:
+    """One run.
+
+    Attributes:
+        config_hash: of its configuration. commit: of the code.
+        episodes, steps: that it trained, with the stage one that it goes on from.
+        cpu_s: processor seconds of its own part, validations included.
+        sr, cf_sr: of training, over its last episodes.
+        validation_cf_sr: of the checkpoint, the best of stage two.
+    """
+
+    split: str
+    model: str
+    method: str
+    seed: int
+    config_hash: str
+    commit: str
+    episodes: int
+    steps: int
+    cpu_s: float
+    sr: float
+    cf_sr: float
+    validation_cf_sr: float
+
+    @classmethod
+    def read(cls, job: Job, places: Places) -> Trained:
+        """From the log and the best checkpoint of a run.
+
+        Raises:
+            FileNotFoundError: the run was not made.
+        """
+        folder = job.options(places).out
+        last = json.loads((folder / LOG).read_text().splitlines()[-1])
+        _, head = load_tensors(folder / BEST)
+        return cls(
+            job.split, job.model, job.method, job.seed, job.hash, head["commit"],
+            last["episodes"], last["steps"], round(last["cpu_s"]),
+            round(last["sr"], 4), round(last["cf_sr"], 4), round(head["best"], 4),
+        )  # fmt: skip
+
+
+def write_runs(jobs: Iterable[Job], places: Places, out: Path) -> None:
+    """Write a line for each run, and print what all of them took.
+
+    Args:
+        jobs: trained ones.
+        places: of the grid.
+        out: folder that gets the file.
+
+    Raises:
+        WriteError: it cannot be written.
+    """
+    found = [Trained.read(job, places) for job in jobs]
+    text = io.StringIO()
+    table = csv.DictWriter(text, list(asdict(found[0])), lineterminator="\n")
+    table.writeheader()
+    table.writerows(map(asdict, found))
+    write_file(out / RUNS, text.getvalue())
+    hours = sum(run.cpu_s for run in found) / 3600
+    print(f"{len(found)} runs took {hours:.1f} processor hours of training ({out / RUNS})\n")
