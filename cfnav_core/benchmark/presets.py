@@ -80,7 +80,7 @@ def _small(numbers: Hyperparameters, stage1_episodes: int) -> RunConfig:
 
 SMALL: dict[ModelName, RunConfig] = {
     "baseline_label": _small(SPARSE, 125_000),
-    "baseline_word": _small(SPARSE, 125_000),
+    "baseline_word": _small(SPARSE, 220_000),
     "hoz": _small(SPARSE, 80_000),
     "lstde": _small(SHAPED, 40_000),
     "akgvp": _small(SHAPED, 40_000),
