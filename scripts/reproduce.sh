@@ -18,7 +18,7 @@ python -m cfnav_ros.lidar_states "$out/rooms"
 cfnav benchmark I II III own --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
   --preset "$preset" --results "$results"
 
-for method in plain reward_only stage_only ours; do
+for method in plain reward_only stage_only ours truth; do
   for ((seed = 0; seed < seeds; seed++)); do
     run=$(echo "$out/grid/runs/data2_tdanet_${method}_seed${seed}_"*)
     cfnav export "$run/best.safetensors" --perception "$perception" \
