@@ -16,6 +16,9 @@ TABLES = ("I", "II", "III", "IV", "own")
 
 SUMMARY = "summary.json"
 
+ABLATED = ("zero", "shuffled", "true")
+"""What ours is given in place of its own prediction to see what that is worth."""
+
 
 @dataclass(frozen=True)
 class Figures:
@@ -58,7 +61,7 @@ class Figures:
 
 
 def write_tables(found: Sequence[Figures], out: Path) -> None:
-    """Write tables as summary and pages, and print the pages.
+    """Write tables as summary and pages, and print the pages of those that are made.
 
     Tables that the folder's summary holds already and that are not made anew stay in it; a table
     made in part replaces only its own rows.
@@ -76,10 +79,27 @@ def write_tables(found: Sequence[Figures], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     write_file(out / SUMMARY, as_json(kept))
     write_file(out / "summary.csv", as_csv(kept))
-    for table in dict.fromkeys(row.table for row in found):
-        page = as_markdown([row for row in kept if row.table == table])
+    made = {row.table for row in found}
+    for table in dict.fromkeys(row.table for row in kept):
+        page = page_of(table, kept)
         write_file(out / f"table_{table}.md", page)
-        print(f"Table {table}\n\n{page}")
+        if table in made:
+            print(f"Table {table}\n\n{page}")
+
+
+def page_of(table: str, kept: Sequence[Figures]) -> str:
+    """A table for people, below it what its rows of ours do with another probability."""
+    rows = [row for row in kept if row.table == table]
+    page = as_markdown(rows)
+    ours = {(row.model, row.split) for row in rows if row.method == "ours"}
+    given = [
+        row for row in kept
+        if row.table == "own" and row.p_hat in ABLATED and not row.veto
+        and row.method == "ours" and (row.model, row.split) in ours
+    ]  # fmt: skip
+    if table == "own" or not given:
+        return page
+    return f"{page}\nThe same policies, given another probability:\n\n{as_markdown(given)}"
 
 
 def read_summary(out: Path) -> list[Figures]:
