@@ -18,7 +18,7 @@ from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
 from cfnav_core.benchmark.runs import write_runs
 from cfnav_core.benchmark.tables import Bench, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
-from cfnav_core.knowledge.command import KnowledgeCommand
+from cfnav_core.knowledge.command import WORDS, KnowledgeCommand
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.run import BEST
 from cfnav_core.scenes import has_lidar, lidar_of, open_scenes
@@ -46,7 +46,7 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     for split in dict.fromkeys(row.split for row in rows):
         if not places.knowledge(split).exists():
             KnowledgeCommand(
-                places.scenes, places.knowledge(split), (f"{split}:train",)
+                places.scenes, places.knowledge(split), (f"{split}:train",), text=WORDS
             ).run_command()
     perception = open_scenes(places.scenes, ["kitchen:0"])[0].perception
     bench = Bench(

@@ -18,6 +18,7 @@ from cfnav_core.store import HEAD
 from cfnav_core.words import glove
 
 SHIPPED = "shipped"
+WORDS = "words"
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,9 @@ class KnowledgeCommand:
     adjacency: Path | None = None
     """Your own links between objects, C x C of 0 and 1 (.npy or text), instead of counting what is
     seen together."""
-    text: Path | None = None
-    """Features of a text encoder, C rows (.npy or text), for AKGVP."""
+    text: str = ""
+    """For AKGVP: features of a text encoder, a file with C rows (.npy or text); or words, which
+    lets the word vectors stand for them, as where pictures are not CLIP's either."""
     seed: int = 0
     """Draws the first zones."""
 
@@ -52,9 +54,12 @@ class KnowledgeCommand:
 
         scenes = training_scenes(self.scenes, self.rooms)
         objects = scenes[0].objects
-        text = read_matrix(self.text, len(objects)) if self.text else None
+        vectors = self._vectors(objects)
+        text = vectors if self.text == WORDS else None
+        if self.text not in ("", WORDS):
+            text = read_matrix(Path(self.text), len(objects))
         links = read_matrix(self.adjacency, len(objects), square=True) if self.adjacency else None
-        known = make_knowledge(scenes, self._vectors(objects), self.seed, text, links)
+        known = make_knowledge(scenes, vectors, self.seed, text, links)
         head = KnowledgeHead(objects, tuple(s.name for s in scenes), scenes[0].perception,
                              self.words, self.seed)  # fmt: skip
         save_knowledge(self.out, known, head)

@@ -252,9 +252,10 @@ def test_command_over_a_folder_of_rooms(tmp_path, capsys):
     links, out = tmp_path / "links.txt", tmp_path / "k.safetensors"
     links.write_text("0 1 0 0\n" * C)
     KnowledgeCommand(
-        scenes=tmp_path / "rooms", out=out, rooms=("kitchen:0-1",), adjacency=links
+        scenes=tmp_path / "rooms", out=out, rooms=("kitchen:0-1",), adjacency=links, text="words"
     ).run_command()
     known = load_knowledge(out, OBJECTS, "eyes")
+    np.testing.assert_array_equal(known.text, known.words)
     assert known.words.shape == (C, 384)
     assert known.adjacency[:, 1].all()
     assert known.layout[KITCHEN, 0, 1] == 1 + 2 * 2

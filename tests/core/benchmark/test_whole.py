@@ -12,10 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cfnav_core.agent import new_agent
 from cfnav_core.benchmark.command import Benchmark
+from cfnav_core.benchmark.presets import PRESETS
 from cfnav_core.benchmark.run import run_benchmark
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes
+from cfnav_core.knowledge.files import load_knowledge
 from cfnav_core.published.start_states import read_episodes, write_episodes
 from cfnav_core.rooms import SPLITS, parse_room, parse_rooms, room_folder
 from cfnav_core.scene import LIDAR, SceneError
@@ -80,6 +83,15 @@ def test_csv_and_pages_say_the_same(options: Benchmark, found) -> None:
     below = page.split("given another probability")[1]
     assert below.count("| data2 | ours (MJOLNIR-r), ") == 3
     assert "| data2 | ours (MJOLNIR-r), the true flag for p_hat |" in below
+
+
+def test_the_grids_knowledge_serves_every_model(options: Benchmark, found) -> None:
+    bank = SceneBank.load(options.scenes, ["kitchen:20"])
+    path = options.out / "knowledge_data2.safetensors"
+    knowledge = load_knowledge(path, bank.objects, bank.perception)
+    for model, run in PRESETS["tiny"].runs.items():
+        agent = new_agent(replace(run, model=model), bank.inputs, knowledge)
+        assert sum(p.numel() for p in agent.model.parameters()) > 0
 
 
 def test_what_training_took_is_kept(options: Benchmark, found) -> None:
