@@ -80,11 +80,11 @@ def _small(numbers: Hyperparameters, stage1_episodes: int) -> RunConfig:
 
 SMALL: dict[ModelName, RunConfig] = {
     "baseline_label": _small(SPARSE, 125_000),
-    "baseline_word": _small(SPARSE, 220_000),
+    "baseline_word": _small(SPARSE, 150_000),
     "hoz": _small(SPARSE, 80_000),
     "lstde": _small(SHAPED, 40_000),
     "akgvp": _small(SHAPED, 40_000),
-    "mjolnir": _small(SHAPED, 125_000),
+    "mjolnir": _small(SHAPED, 100_000),
     "tdanet": _small(SHAPED, 30_000),
 }
 """E_1 ends after training CF-SR has begun to rise steeply: a policy that only turns on the spot has
