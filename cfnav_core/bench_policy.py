@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 import tyro
 
-from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.bundle import BundleHead, find_bundle
 from cfnav_core.json_file import write_json
 
 WARM_UP = 20
@@ -37,7 +37,7 @@ class Options:
     """Measure how fast a bundle decides, on one core."""
 
     bundle: Path | None = None
-    """Folder of a bundle; the shipped one when absent."""
+    """Folder of a bundle, or the name of a shipped one; the default when absent."""
     backends: tuple[Literal["onnx", "torch"], ...] = ("onnx", "torch")
     """What runs policy and predictor; perception runs on ONNX Runtime in both."""
     decisions: int = 500
@@ -123,7 +123,7 @@ def run(options: Options) -> list[Figures]:
     """
     if options.decisions < 1:
         raise ValueError(f"found --decisions {options.decisions}, expected at least 1")
-    bundle = options.bundle or shipped_bundle()
+    bundle = find_bundle(options.bundle)
     print(f"bundle {BundleHead.load(bundle).name} at {bundle}, one core")
     print("back end  load, s  p50, ms  p99, ms  cpu, ms  perception alone p50, ms  peak RSS, MB")
     figures = []

@@ -33,9 +33,26 @@ class BundleError(ValueError):
     """A bundle is missing, damaged or of another version; the message says what to do."""
 
 
+SHIPPED = Path(__file__).parent / "bundles"
+"""Bundles that come with the package, by name."""
+
+
 def shipped_bundle() -> Path:
-    """Folder of the bundle that comes with the package."""
-    return Path(__file__).parent / "bundles" / "default"
+    """Folder of the bundle that drives when none is named."""
+    return SHIPPED / "default"
+
+
+def find_bundle(bundle: str | Path | None = None) -> Path:
+    """Folder of a bundle.
+
+    Args:
+        bundle: its folder, or the name of a shipped one; nothing names the default.
+    """
+    if not bundle:
+        return shipped_bundle()
+    named = SHIPPED / bundle
+    is_name = len(Path(bundle).parts) == 1 and named.is_dir()
+    return named if is_name and not Path(bundle).exists() else Path(bundle)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import tyro
 
 from cfnav_core.benchmark.command import Benchmark
-from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.bundle import BundleHead, find_bundle
 from cfnav_core.config import PHat, Rooms, TrainOptions
 from cfnav_core.data_cli import Data
 from cfnav_core.json_file import write_json
@@ -23,7 +23,7 @@ class Evaluate:
     """Run a bundle, or a run's checkpoint, on frozen episodes over offline scenes."""
 
     policy: Annotated[Path, tyro.conf.Positional]
-    """Folder of a bundle, or a checkpoint such as best.safetensors."""
+    """A bundle, or a checkpoint such as best.safetensors."""
     scenes: Path
     """Folder or store of scenes made with its perception."""
     episodes: int = 1000
@@ -105,11 +105,11 @@ class Info:
     """Show what a bundle is."""
 
     bundle: Annotated[Path | None, tyro.conf.Positional] = None
-    """Folder of the bundle; the shipped one when absent."""
+    """Folder of the bundle, or the name of a shipped one; the default when absent."""
 
     def run_command(self) -> None:
         """Print the bundle's head."""
-        head = BundleHead.load(self.bundle or shipped_bundle())
+        head = BundleHead.load(find_bundle(self.bundle))
         print(json.dumps(head.__dict__, indent=1))
 
 

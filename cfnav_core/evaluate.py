@@ -12,7 +12,7 @@ import torch
 
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.agent import TrainedAgent
-from cfnav_core.bundle import BundleHead
+from cfnav_core.bundle import BundleHead, find_bundle
 from cfnav_core.config import PHat
 from cfnav_core.env import SceneBank
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
@@ -242,7 +242,7 @@ class Candidate:
 
     @classmethod
     def load(cls, path: Path) -> Candidate:
-        """Open a bundle's folder or a checkpoint's file.
+        """Open a bundle, by folder or shipped name, or a checkpoint's file.
 
         Raises:
             BundleError: the bundle cannot be used.
@@ -255,10 +255,11 @@ class Candidate:
             )
             what = {"checkpoint": str(path), **_origin(trained.head)}
             return cls(networks, trained.head["perception"], trained.inputs.objects, what)
-        head = BundleHead.load(path)
-        perception = Perception(path / "perception.onnx").identity
+        folder = find_bundle(path)
+        head = BundleHead.load(folder)
+        perception = Perception(folder / "perception.onnx").identity
         what = {"bundle": str(path), **_origin(head.training)}
-        return cls(OnnxNetworks(path, head), perception, head.objects, what)
+        return cls(OnnxNetworks(folder, head), perception, head.objects, what)
 
 
 def _origin(head: dict[str, Any]) -> dict[str, Any]:
@@ -303,9 +304,8 @@ def _check_fits(candidate: Candidate, path: Path, bank: SceneBank, scenes: Path)
     if bank.perception != candidate.perception:
         remedy = "give scenes of the perception that it was trained with"
         if "bundle" in candidate.what:
-            remedy = (
-                f"make them with python -m sim_bridge.dataset --perception {path}/perception.onnx"
-            )
+            own = find_bundle(path) / "perception.onnx"
+            remedy = f"make them with python -m sim_bridge.dataset --perception {own}"
         raise SceneError(
             f"found scenes in {scenes} made with perception {bank.perception}, but {path} has "
             f"{candidate.perception}; {remedy}"

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.actions import NUM_ACTIONS, Action
-from cfnav_core.bundle import BundleError, BundleHead, shipped_bundle
+from cfnav_core.bundle import BundleError, BundleHead, find_bundle
 from cfnav_core.goals import refusal
 from cfnav_core.networks import AgentState, Backend, Networks, Sight, open_networks
 from cfnav_core.perception import Observation, Perception, PerceptionError
@@ -66,17 +66,17 @@ class Policy:
 
     @classmethod
     def load(cls, bundle: Path | str | None = None, backend: Backend = "onnx") -> Policy:
-        """Load a bundle, the shipped one when None.
+        """Load a bundle, the default when None.
 
         Args:
-            bundle: its folder.
+            bundle: its folder, or the name of a shipped one.
             backend: what runs policy and predictor, see the module.
 
         Raises:
             BundleError: missing, damaged, of another version, or without what the back end needs.
             ValueError: another back end.
         """
-        folder = Path(bundle) if bundle else shipped_bundle()
+        folder = find_bundle(bundle)
         head = BundleHead.load(folder)
         try:
             perception = Perception(folder / "perception.onnx")

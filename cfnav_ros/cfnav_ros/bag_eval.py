@@ -45,7 +45,8 @@ class BagEvalConfig:
     out: Path = Path("out/bag_eval")
     """Folder of the report and the figures."""
     bundle: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """Bundle to replay, again for each one to compare; the shipped one when not given."""
+    """Bundle to replay, a folder or the name of a shipped one, again for each to compare; the
+    default when not given."""
     replay: bool = True
     """Replay bundles; without, only what happened is judged."""
     topic: tyro.conf.UseAppendAction[tuple[str, ...]] = ()

@@ -29,7 +29,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, LaserScan
 
-from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.bundle import BundleHead, find_bundle
 from cfnav_core.json_file import write_json
 from cfnav_ros import conversions
 from cfnav_ros.demo import DemoConfig, commit, known_goals, plan, run_to_exit
@@ -85,7 +85,7 @@ class BenchConfig:
     max_steps: int = 20
     """Most decisions of one drive."""
     bundle: Path | None = None
-    """Bundle that drives; the shipped one when not given."""
+    """Bundle that drives, a folder or the name of a shipped one; the default when not given."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
 
@@ -278,7 +278,7 @@ def run_bench(config: BenchConfig, arguments: Sequence[str]) -> dict[str, Any]:
     """
     config.check()
     load = machine_load()
-    head = BundleHead.load(config.bundle or shipped_bundle())
+    head = BundleHead.load(find_bundle(config.bundle))
     real_time = measure(config, 1.0, config.seconds)
     fast = measure(config, 0.0, config.fast_seconds)
     try:

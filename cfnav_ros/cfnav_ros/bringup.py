@@ -20,6 +20,7 @@ from typing import Annotated
 
 import tyro
 
+from cfnav_core.bundle import find_bundle
 from cfnav_ros.processes import Child, GraphError, keep_local, node_command
 from cfnav_ros.stop_signal import INTERRUPT
 
@@ -36,7 +37,8 @@ class Drive:
     namespace: str = ""
     """Of the robot, such as robot1."""
     bundle: Path | None = None
-    """Bundle that drives; the parameter file's, or the shipped one."""
+    """Bundle that drives, a folder or the name of a shipped one; that of the parameter file, or
+    the default, when absent."""
     bag: Path | None = None
     """Record the drive into this folder."""
     logs: Path = Path("out/bringup")
@@ -105,7 +107,7 @@ def parts(config: Robot | Simulation) -> list[Part]:
     space = f"/{config.namespace.strip('/')}" if config.namespace else ""
     common = ["-r", f"__ns:={space}"] if space else []
     common += ["--params-file", str(parameter_file(config.params))]
-    bundle = config.bundle.resolve() if config.bundle else None
+    bundle = find_bundle(config.bundle).resolve() if config.bundle else None
     policy = [*common, *_given(bundle=bundle, goal=config.goal or None)]
     made = [
         Part("cfnav_ros", "lidar_collision_node", tuple(common)),

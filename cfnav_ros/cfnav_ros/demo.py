@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 from tqdm import tqdm
 
-from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.bundle import BundleHead, find_bundle
 from cfnav_ros.bags.evaluation import Evaluation, Options, evaluate
 from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.reading import BagError
@@ -55,7 +55,7 @@ class DemoConfig:
     out: Path = Path("out/demo")
     """Folder of the results."""
     bundle: Path | None = None
-    """Bundle that drives; the shipped one when not given."""
+    """Bundle that drives, a folder or the name of a shipped one; the default when not given."""
     episodes: int = 0
     """Number of episodes; 0: one for each room and goal, or one for each room without goals."""
     max_steps: int = 0
@@ -77,7 +77,7 @@ def known_goals(config: DemoConfig) -> tuple[str, ...]:
         BundleError: the bundle cannot be used.
         GraphError: a goal asked for is none of them.
     """
-    head = BundleHead.load(config.bundle or shipped_bundle())
+    head = BundleHead.load(find_bundle(config.bundle))
     if unknown := set(parse_list(config.goals)) - set(head.goals):
         raise GraphError(
             f"bundle {head.name} was not trained to find {', '.join(sorted(unknown))}; "
@@ -246,7 +246,7 @@ def run_trial(graph: Graph, trial: Trial, max_steps: int = 0) -> Outcome:
 
 def _options(config: DemoConfig) -> Options:
     """How the bag is judged: for the page, the bundle that drove is asked once more."""
-    head = BundleHead.load(config.bundle or shipped_bundle())
+    head = BundleHead.load(find_bundle(config.bundle))
     bundles = {head.name: str(config.bundle or "")} if config.report else {}
     return Options(bundles=bundles, limits=EpisodeLimits(veto=config.veto))
 

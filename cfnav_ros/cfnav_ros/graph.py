@@ -30,6 +30,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from cfnav_core.bundle import find_bundle
 from cfnav_core.vocabulary import CATEGORIES
 from cfnav_ros.outcome import Outcome
 from cfnav_ros.processes import DISCOVERY_S, Child, GraphError, keep_local, node_command
@@ -65,7 +66,7 @@ class GraphConfig:
         room: the room that the simulator starts with, such as ``kitchen:25``.
         logs: folder for the log of each process.
         speed: simulated seconds per wall second; 0 is as fast as it goes.
-        bundle: bundle that drives; None is the shipped one.
+        bundle: what drives: a folder, or the name of a shipped one; None is the default.
         veto: whether the LiDAR may forbid a MoveAhead.
         domain: ROS domain; None draws a free one.
         bag: where everything is recorded; None records nothing.
@@ -107,7 +108,7 @@ class GraphConfig:
         if self.camera == "preview":
             policy["episode.has_tilt"] = False
         if self.bundle is not None:
-            policy["bundle"] = self.bundle.resolve()
+            policy["bundle"] = find_bundle(self.bundle).resolve()
         lock_step = {"lock_step": self.lock_step}
         return (
             ("sim_bridge", "mock_turtlebot4", mock | lock_step),

@@ -13,7 +13,9 @@ from cfnav_ros.settings import setting
 class PolicyParameters:
     """Parameters of ``policy_node``."""
 
-    bundle: str = setting("", "folder of a bundle; empty: the shipped one")
+    bundle: str = setting(
+        "", "folder of a bundle, or the name of a shipped one; empty: the default"
+    )
     allow_robot: bool = setting(False, "drive more than the node named mock_turtlebot4")
     cmd_vel_type: str = setting("auto", "auto, stamped (TwistStamped) or unstamped (Twist)")
     other_publishers: str = setting("", "nodes that may publish on cmd_vel too, by spaces")

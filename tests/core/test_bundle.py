@@ -14,7 +14,15 @@ import torch
 
 from cfnav_core.actions import Action
 from cfnav_core.agent import new_agent
-from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleError, BundleHead, file_hash
+from cfnav_core.bundle import (
+    NETWORKS,
+    WEIGHTS,
+    BundleError,
+    BundleHead,
+    file_hash,
+    find_bundle,
+    shipped_bundle,
+)
 from cfnav_core.checkpoint import CheckpointError
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
 from cfnav_core.env import SceneBank
@@ -328,3 +336,14 @@ def test_an_oracle_scores_one_in_everything():
     bank = SceneBank([hall()])
     results = run_episodes(Oracle(bank), bank, Episodes.draw(bank, 200, 0))
     assert all(r.cf_success and r.path_length == r.shortest_path_length for r in results)
+
+
+def test_bundles_are_found_by_folder_and_by_shipped_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for nothing in (None, "", Path("default"), "default"):
+        assert find_bundle(nothing) == shipped_bundle()
+    assert find_bundle(tmp_path / "default") == tmp_path / "default"
+    assert find_bundle("./other") == Path("other")
+    assert find_bundle("..") == Path("..")
+    (tmp_path / "default").mkdir()  # one's own goes first
+    assert find_bundle("default") == Path("default")
