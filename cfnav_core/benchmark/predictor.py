@@ -20,7 +20,7 @@ class Quality:
     """Of one source of probabilities, means over seeds.
 
     Attributes:
-        source: "RGB predictor" or "LiDAR".
+        source: "RGB predictor", "LiDAR", or "the larger" of both.
         model, split: whose episodes.
         steps: judged, of all seeds. blocked: share of them at which MoveAhead would collide.
         auc: area under the ROC curve.
@@ -50,7 +50,10 @@ def qualities(
     """
     sources = {"RGB predictor": [t.p_hat.astype(float) for t in tested]}
     if lidar is not None:
-        sources["LiDAR"] = [lidar[t.states].astype(float) for t in tested]
+        given = [lidar[t.states].astype(float) for t in tested]
+        own = sources["RGB predictor"]
+        sources["LiDAR"] = given
+        sources["the larger"] = [np.maximum(*two) for two in zip(given, own, strict=True)]
     found = []
     for source, by_seed in sources.items():
         figures = np.mean(

@@ -105,8 +105,10 @@ def test_what_training_took_is_kept(options: Benchmark, found) -> None:
 
 
 def test_probabilities_are_judged_where_ours_drove(options: Benchmark, found) -> None:
-    rgb, lidar = json.loads((options.out / "predictor.json").read_text())
+    rgb, lidar, larger = json.loads((options.out / "predictor.json").read_text())
     assert (rgb["source"], lidar["source"]) == ("RGB predictor", "LiDAR")
+    assert (larger["source"], larger["steps"]) == ("the larger", rgb["steps"])
+    assert rgb["skill"] < larger["skill"] < lidar["skill"]
     assert rgb["steps"] == lidar["steps"] >= 40
     assert (lidar["auc"], lidar["ece"], lidar["skill"]) == (1.0, 0.0, 1.0)  # the truth, here
     assert rgb["skill"] < 1
