@@ -6,7 +6,7 @@ bootstrapped with V (the paper's have none); advantages are lambda-returns; L_c 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 import torch.nn.functional as F
@@ -104,6 +104,45 @@ class Unfed:
         return agent.predictor.sequence(features, actions, self.state, ended)
 
 
+@dataclass
+class Reached:
+    """States whose V is asked for: those where an episode was cut short, and those after a rollout.
+
+    All are judged at once after the rollout, as its weights stay the same. No memory advances. The
+    last p_hat stands in for the next one, so that the predictor advances once per real step.
+
+    Attributes:
+        where: bool [B] of each step, and of the end. seen, memory: their rows.
+    """
+
+    where: list[Tensor] = field(default_factory=list)
+    seen: list[Seen] = field(default_factory=list)
+    memory: list[State] = field(default_factory=list)
+
+    @torch.no_grad()
+    def add(self, where: Tensor, env: ObjectNavEnv, memory: Memory, p_hat: Tensor) -> None:
+        """Ask for V of the present states, bool [B]."""
+        self.where.append(where)
+        if not where.any():
+            return
+        features, detections = env.bank.observe(env.state[where])
+        self.seen.append(Seen(
+            features, detections, env.goal_one_hot[where], env.room_one_hot[where],
+            memory.previous_action[where], p_hat[where],
+        ))  # fmt: skip
+        self.memory.append({k: v[where] for k, v in memory.policy.items()})
+
+    @torch.no_grad()
+    def values(self, agent: Agent) -> Tensor:
+        """V where asked for, 0 elsewhere: float32 [T + 1, B]."""
+        seen = Seen(*map(torch.cat, zip(*(vars(s).values() for s in self.seen), strict=True)))
+        memory = {k: torch.cat([m[k] for m in self.memory]) for k in self.memory[0]}
+        where = torch.stack(self.where)
+        out = torch.zeros(where.shape, device=where.device)
+        out[where] = agent.model(seen, memory)[1][:, 0]
+        return out
+
+
 def collect_rollout(
     env: ObjectNavEnv, agent: Agent, memory: Memory, stage: Stage, length: int,
     generator: torch.Generator,
@@ -113,6 +152,7 @@ def collect_rollout(
     r = Rollout([], [], [], [], [], [], [], [], [], nothing, 0, 0, 0, 0)
     counts = torch.zeros(4, dtype=torch.int64, device=env.device)
     unfed = Unfed(memory.predictor, [], []) if stage.predicts_for_nobody else None
+    reached = Reached()
     for _ in range(length):
         features, detections = env.observe()  # Alg. 1: acquire image I_t
         p_hat = nothing[:, None]
@@ -153,7 +193,7 @@ def collect_rollout(
         r.value.append(value[:, 0])
         r.reward.append(reward)
         r.ended.append(ended)
-        r.next_value_if_cut.append(_value_where(outcome.truncated, env, agent, memory, p_hat))
+        reached.add(outcome.truncated, env, memory, p_hat)
         r.collided.append(outcome.collided)
         r.moved_ahead.append(action[:, 0] == Action.MoveAhead)
         clean = outcome.success & (env.collisions == 0)
@@ -164,7 +204,8 @@ def collect_rollout(
     if unfed is not None:
         logit, memory.predictor = unfed.predict(agent, torch.stack(r.ended))
         r.collision_logit.append(logit)
-    r.bootstrap = _value_where(torch.ones_like(ended), env, agent, memory, p_hat)
+    reached.add(torch.ones_like(ended), env, memory, p_hat)
+    *r.next_value_if_cut, r.bootstrap = reached.values(agent)
     r.episodes, r.successes, r.collision_free, r.collisions = counts.tolist()
     return r
 
@@ -174,25 +215,6 @@ def _sampled(pi: Tensor, part: Part, generator: torch.Generator) -> Tensor:
     u = part.rows(torch.rand(part.of, 1, generator=generator, device="cpu"))
     below = pi.cumsum(1) < u.to(pi.device)
     return below.sum(1, keepdim=True).clamp(max=NUM_ACTIONS - 1)
-
-
-@torch.no_grad()
-def _value_where(
-    where: Tensor, env: ObjectNavEnv, agent: Agent, memory: Memory, p_hat: Tensor
-) -> Tensor:
-    """V of the present states where asked for (bool [B]), 0 elsewhere; advances no memory.
-
-    The last p_hat stands in for the next one, so that the predictor advances once per real step.
-    """
-    out = torch.zeros(env.batch, device=env.device)
-    if where.any():
-        features, detections = env.bank.observe(env.state[where])
-        seen = Seen(
-            features, detections, env.goal_one_hot[where], env.room_one_hot[where],
-            memory.previous_action[where], p_hat[where],
-        )  # fmt: skip
-        out[where] = agent.model(seen, {k: v[where] for k, v in memory.policy.items()})[1][:, 0]
-    return out
 
 
 def compute_returns(r: Rollout, gamma: float, gae_lambda: float) -> tuple[Tensor, Tensor]:

@@ -10,7 +10,7 @@ from cfnav_core.collision_predictor import collision_loss
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig
 from cfnav_core.env import ObjectNavEnv, SceneBank
 from cfnav_core.methods import METHODS, Stage
-from cfnav_core.models import Knowledge
+from cfnav_core.models import Knowledge, Seen
 from cfnav_core.reward import nav_reward, total_reward
 
 from .worlds import hall
@@ -176,3 +176,35 @@ def test_bootstrap_advances_no_memory():
     agent.predictor.register_forward_hook(lambda *_: calls.append(1))
     collect_rollout(env, agent, memory, stage, 7, torch.Generator().manual_seed(0))
     assert len(calls) == 7
+
+
+def test_a_cut_episode_is_worth_what_the_state_is_that_it_reached(monkeypatch):
+    _, agent, _ = parts()
+    env = ObjectNavEnv(SceneBank([hall()]), 32, np.random.default_rng(0), most_steps=3)
+    memory, step, restart = Memory.zeros(env, agent), env.step, env.restart
+    cut, values = [], []
+
+    def stepped(action):
+        outcome = step(action)
+        cut.append(outcome.truncated)
+        return outcome
+
+    def restarted(ended):
+        """Judge the states that were reached, before episodes begin anew."""
+        seen = Seen(
+            *env.observe(), env.goal_one_hot, env.room_one_hot, memory.previous_action,
+            torch.zeros(env.batch, 1),
+        )  # fmt: skip
+        with torch.no_grad():
+            values.append(agent.model(seen, memory.policy)[1][:, 0])
+        restart(ended)
+
+    monkeypatch.setattr(env, "step", stepped)
+    monkeypatch.setattr(env, "restart", restarted)
+    generator = torch.Generator().manual_seed(0)
+    r = collect_rollout(env, agent, memory, METHODS["plain"].stage1, 7, generator)
+    assert cut[2].any()
+    for where, value, found in zip(cut, values, r.next_value_if_cut, strict=True):
+        torch.testing.assert_close(found, torch.where(where, value, 0.0))
+    kept = ~r.ended[-1]
+    torch.testing.assert_close(r.bootstrap[kept], values[-1][kept])
