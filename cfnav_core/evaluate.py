@@ -130,7 +130,7 @@ def run_episodes(
     alive, success = np.ones(n, bool), np.zeros(n, bool)
     steps, collisions = np.zeros(n, int), np.zeros(n, int)
     limit = bank.step_limit[where]
-    rng = np.random.default_rng(sample_seed)
+    rng = np.random.default_rng(0 if sample_seed is None else sample_seed)
     for _ in range(int(limit.max())):
         at = where[alive]
         now = state.rows(alive)

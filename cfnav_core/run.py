@@ -31,12 +31,10 @@ from cfnav_core.metrics import cf_sr, sr
 from cfnav_core.models import Knowledge
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.ranks import Ranks
+from cfnav_core.run_files import CHECKPOINT, LOG
 from cfnav_core.scene_check import not_finite
 from cfnav_core.scenes import scene_names
 from cfnav_core.whole import write_file, writing
-
-CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
-LOG = "log.jsonl"
 
 
 class Run:

@@ -24,6 +24,9 @@ from cfnav_core.whole import whole, writing
 
 HEADINGS, HORIZONS = 8, 2
 SCHEMA = 2
+SCENE = "scene.json"
+"""Who made it with what, and the SHA-256 of every array."""
+
 PICTURES = "pictures.npy"
 """Optional beside the arrays: uint8 [S, 150, 150, 3], to make the features again from."""
 
@@ -116,7 +119,7 @@ class OfflineScene:
             "objects": self.objects, "goals": self.goals,
             "sha256": {key: sha256(folder / f"{key}.npy") for key in ARRAYS},
         }  # fmt: skip
-        (folder / "scene.json").write_text(json.dumps(head, indent=1))
+        (folder / SCENE).write_text(json.dumps(head, indent=1))
 
     @classmethod
     def load(cls, folder: Path) -> OfflineScene:
@@ -184,7 +187,7 @@ def read_head(folder: Path) -> dict[str, Any]:
     Raises:
         SceneError: it is missing, damaged or of another schema.
     """
-    path = folder / "scene.json"
+    path = folder / SCENE
     try:
         head: dict[str, Any] = json.loads(path.read_text())
         schema, missing = head.get("schema"), sorted(set(_HEAD) - head.keys())

@@ -22,7 +22,8 @@ from cfnav_core.algorithm import Memory, collect_rollout, losses
 from cfnav_core.config import TrainOptions
 from cfnav_core.env import ObjectNavEnv
 from cfnav_core.models.recurrent import weight_gradients_at_once
-from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
+from cfnav_core.run import Run
+from cfnav_core.run_files import BEST, CHECKPOINT, STAGE1
 from cfnav_core.workers import Workers
 
 KEPT = {-1: 2**31 - 1, -3: 32 << 20}
@@ -152,6 +153,7 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
             continue
         if in_stage1 and run.episodes >= run.hp.stage1_episodes:
             run.save(STAGE1)
+            run.save(CHECKPOINT)  # others may go on from it at once: a kill must not make another
         if run.episodes >= next_validation or run.episodes >= run.total:
             next_validation = _next(run.episodes, options.validation_every)
             figures = _validate_and_log(run, sums, since, bar)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import signal
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,4 +62,6 @@ class Benchmark:
         # a robot has no torch, so it is imported only here
         from cfnav_core.benchmark.run import run_benchmark
 
+        # a plain SIGTERM would leave the tasks behind
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         run_benchmark(self, shlex.join(["cfnav", *sys.argv[1:]]))

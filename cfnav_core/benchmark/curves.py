@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cfnav_core.benchmark.jobs import Job, Places
-from cfnav_core.run import LOG
+from cfnav_core.run_files import LOG
 from cfnav_core.whole import whole, writing
 
 PANELS = {"cf_sr": "training rooms", "validation_cf_sr": "unseen rooms (validation)"}
@@ -61,14 +61,11 @@ def _log(job: Job, places: Places) -> list[dict[str, float]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def draw_curves(
-    curves: Sequence[tuple[str, Sequence[Curve]]], stage1_episodes: int, path: Path
-) -> None:
+def draw_curves(curves: Sequence[tuple[str, Sequence[Curve], int]], path: Path) -> None:
     """Draw methods beside one another: means over seeds, with bands of a standard deviation.
 
     Args:
-        curves: names of methods, and the curves of their seeds.
-        stage1_episodes: where stage two begins.
+        curves: names of methods, the curves of their seeds, and where stage two begins.
         path: PNG file.
 
     Raises:
@@ -78,13 +75,15 @@ def draw_curves(
         figure = Figure(figsize=(9, 3.6), layout="constrained")
         axes = figure.subplots(1, 2, sharey=True)
         for ax, (key, title) in zip(axes, PANELS.items(), strict=True):
-            for (name, seeds), colour in zip(curves, COLOURS, strict=False):
+            for (name, seeds, stage1_episodes), colour in zip(curves, COLOURS, strict=False):
                 x, y = _together(seeds, key)
                 ax.plot(x / 1000, y.mean(0), color=colour, label=name, lw=1.5)
                 if len(y) > 1:
                     low, high = y.mean(0) - y.std(0, ddof=1), y.mean(0) + y.std(0, ddof=1)
                     ax.fill_between(x / 1000, low, high, color=colour, alpha=0.15, lw=0)
-            ax.axvline(stage1_episodes / 1000, color="0.6", lw=0.8, ls=":")
+                begins = np.interp(stage1_episodes, x, y.mean(0))
+                ax.plot(stage1_episodes / 1000, begins, "o", color=colour, ms=4)
+            ax.plot([], [], "o", color="0.5", ms=4, label="stage two begins")
             ax.set(title=title, xlabel="episodes, thousands", ylim=(0, 1))
         axes[0].set_ylabel("CF-SR")
         axes[0].legend(frameon=False, fontsize=8)

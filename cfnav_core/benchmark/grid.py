@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from tqdm import tqdm
 
 from cfnav_core.benchmark.work import Task
-from cfnav_core.run import LOG
+from cfnav_core.run_files import LOG
 
 POLL_S = 0.5
 

@@ -7,12 +7,14 @@ import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, get_args
 
 from cfnav_core.benchmark.presets import PRESETS, PresetName
 from cfnav_core.benchmark.rows import Row, Split
 from cfnav_core.config import MethodName, ModelName, RunConfig, TrainOptions
 from cfnav_core.methods import METHODS
-from cfnav_core.run import STAGE1
+from cfnav_core.rooms import SPLITS
+from cfnav_core.run_files import STAGE1
 
 SHARED_STAGE1: MethodName = "ours"
 """Its stage one is that of every method without a rule of its own there: the predictor that it
@@ -80,6 +82,28 @@ class Job:
         if self.method == SHARED_STAGE1 or method.shared_encoder or method.stage1 not in alike:
             return None
         return replace(self, method=SHARED_STAGE1)
+
+    @classmethod
+    def of(cls, training: dict[str, Any]) -> Job | None:
+        """The run that a bundle came from; None when it is that of no preset.
+
+        Args:
+            training: what ``BundleHead`` says of it.
+        """
+        try:
+            config = RunConfig.read(training["config"])
+            split, _, train = training["train_rooms"][0].partition(":")
+        except (KeyError, TypeError, IndexError):
+            return None
+        if split not in SPLITS or train != "train":
+            return None
+        for preset in get_args(PresetName):
+            job = cls(
+                config.model, config.method, split, config.seed, preset, training["perception"]
+            )
+            if config.model in PRESETS[preset].runs and job.config == config:
+                return job
+        return None
 
     def options(self, places: Places) -> TrainOptions:
         """How it is trained."""

@@ -26,8 +26,10 @@ class Figures:
 
     Attributes:
         cf_sr_std, cf_spl_std: over seeds, None for one seed.
+        preset: of sizes and numbers.
         gain: mean CF-SR minus that of the row it is compared with, paired by seed and episode.
         gain_ci95: 95 % interval over seeds and rooms.
+        over_own: mean CF-SR minus that of the same policies with their own p_hat, without veto.
         command: that made the row.
         config_hash: of the runs' configuration, seed 0.
         commit: of the code that trained them.
@@ -40,6 +42,7 @@ class Figures:
     split: str
     p_hat: str
     veto: bool
+    preset: str
     paper_cf_sr: float | None
     paper_cf_spl: float | None
     paper_gain: float | None
@@ -55,6 +58,8 @@ class Figures:
     gain_ci95: tuple[float, float] | None
     sr_gain: float | None
     sr_gain_ci95: tuple[float, float] | None
+    over_own: float | None
+    over_own_ci95: tuple[float, float] | None
     command: str
     config_hash: str
     commit: str
@@ -91,11 +96,12 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
     """A table for people, below it what its rows of ours do with another probability."""
     rows = [row for row in kept if row.table == table]
     page = as_markdown(rows)
-    ours = {(row.model, row.split) for row in rows if row.method == "ours"}
+    if table == "IV":
+        return f"{page}\nCF-SPL is of metres here, of actions in the other tables.\n"
+    ours = {(r.config_hash, r.seeds, r.commit) for r in rows if r.method == "ours"}
     given = [
-        row for row in kept
-        if row.table == "own" and row.p_hat in ABLATED and not row.veto
-        and row.method == "ours" and (row.model, row.split) in ours
+        r for r in kept
+        if r.table == "own" and r.p_hat in ABLATED and (r.config_hash, r.seeds, r.commit) in ours
     ]  # fmt: skip
     if table == "own" or not given:
         return page
@@ -120,7 +126,7 @@ def read_summary(out: Path) -> list[Figures]:
 
 
 def _key(row: Figures) -> tuple[str, ...]:
-    return row.table, row.row, row.split
+    return row.table, row.row, row.split, row.preset
 
 
 def as_json(rows: Iterable[Figures]) -> str:
@@ -135,7 +141,7 @@ def as_csv(rows: Sequence[Figures]) -> str:
     table.writeheader()
     for row in rows:
         values = asdict(row)
-        for name in ("gain_ci95", "sr_gain_ci95"):
+        for name in ("gain_ci95", "sr_gain_ci95", "over_own_ci95"):
             ends = values[name]
             values[name] = "" if ends is None else f"{ends[0]:.4f} {ends[1]:.4f}"
         table.writerow(values)
@@ -145,14 +151,15 @@ def as_csv(rows: Sequence[Figures]) -> str:
 def as_markdown(rows: Sequence[Figures]) -> str:
     """A table for people, percent."""
     lines = [
-        "| data | row | CF-SR, paper | CF-SR | gain, paper | gain [95 %] | CF-SPL, paper | CF-SPL "
-        "| SR | SR gain [95 %] | collisions per episode |",
-        "|" + "---|" * 11,
+        "| data | row | CF-SR, paper | CF-SR | gain, paper | gain [95 %] | over own p_hat [95 %] "
+        "| CF-SPL, paper | CF-SPL | SR | SR gain [95 %] | collisions per episode |",
+        "|" + "---|" * 12,
     ]
     for r in rows:
         cells = (
             r.split, r.row, _percent(r.paper_cf_sr), _spread(r.cf_sr_mean, r.cf_sr_std),
-            _signed(r.paper_gain), _change(r.gain, r.gain_ci95), _percent(r.paper_cf_spl),
+            _signed(r.paper_gain), _change(r.gain, r.gain_ci95),
+            _change(r.over_own, r.over_own_ci95), _percent(r.paper_cf_spl),
             _spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
             _change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
         )  # fmt: skip

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cfnav_core.benchmark.grid import start_process
+from cfnav_core.benchmark.grid import POLL_S, start_process
 
 
 class RayCluster:
@@ -56,7 +57,9 @@ def _do(task: str, log: str) -> int:
     """Runs on a worker: a process of its own, so that a run may be told to stop."""
     process = start_process(Path(task), Path(log))
     try:
-        return process.wait()
+        while process.poll() is None:  # a wait would not hear that it is cancelled
+            time.sleep(POLL_S)
+        return process.returncode
     except BaseException:  # cancelled
         process.terminate()
         process.wait()

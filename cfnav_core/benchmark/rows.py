@@ -27,6 +27,10 @@ class Published:
     cf_spl: tuple[float, float]
 
 
+WITH_LIDAR: tuple[PHat, ...] = ("lidar", "both")
+"""Probabilities that the LiDAR has a part in."""
+
+
 @dataclass(frozen=True)
 class Row:
     """One row of a table.
@@ -54,7 +58,14 @@ class Row:
     @property
     def reads_lidar(self) -> bool:
         """Whether its test needs what the LiDAR node says in the test rooms."""
-        return self.veto or self.p_hat in ("lidar", "both")
+        return self.veto or self.p_hat in WITH_LIDAR
+
+    @property
+    def itself(self) -> Row | None:
+        """The same policies with their own p_hat and without a veto, None for such rows."""
+        if self.p_hat == "own" and not self.veto:
+            return None
+        return replace(self, p_hat="own", veto=False)
 
     @property
     def reference(self) -> Row | None:
@@ -145,8 +156,8 @@ def _own() -> list[Row]:
             )  # fmt: skip
         rows += [
             Row("own", f"{name}, LiDAR veto", model, "plain", split, veto=True, against="plain"),
-            Row("own", f"ours ({name}), LiDAR veto", model, "ours", split, p_hat="lidar",
-                veto=True, against="plain"),
+            Row("own", f"ours ({name}), LiDAR for p_hat and veto", model, "ours", split,
+                p_hat="lidar", veto=True, against="plain"),
         ]  # fmt: skip
     others: tuple[tuple[tuple[ModelName, Split], MethodName, str, tuple[PHat, ...]], ...] = (
         (STUDIED, "reward_only", "Reward Only", ("own",)),

@@ -16,11 +16,12 @@ from cfnav_core.benchmark.paths import draw_paths, find_pairs
 from cfnav_core.benchmark.predictor import Quality, as_markdown, qualities
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
 from cfnav_core.benchmark.runs import write_runs
+from cfnav_core.benchmark.stamps import check_rooms
 from cfnav_core.benchmark.tables import Bench, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import WORDS, KnowledgeCommand
 from cfnav_core.published.start_states import read_episodes
-from cfnav_core.run import BEST
+from cfnav_core.run_files import BEST
 from cfnav_core.scenes import has_lidar, lidar_of, open_scenes
 from cfnav_core.whole import write_file
 
@@ -43,7 +44,10 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     """
     rows = _chosen(options)
     places = Places(options.scenes.resolve(), options.out.resolve())
-    for split in dict.fromkeys(row.split for row in rows):
+    splits = tuple(dict.fromkeys(row.split for row in rows))
+    places.out.mkdir(parents=True, exist_ok=True)
+    check_rooms(places, splits)
+    for split in splits:
         if not places.knowledge(split).exists():
             KnowledgeCommand(
                 places.scenes, places.knowledge(split), (f"{split}:train",), text=WORDS
@@ -69,7 +73,6 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
         executor.close()
     found = [figures_of(row, bench, ROWS) for row in rows]
     if "own" in options.tables:
-        splits = dict.fromkeys(row.split for row in rows)
         found += [figures_of_chance(split, bench) for split in splits]
     results = options.results or places.out
     write_tables(found, results)
@@ -112,7 +115,7 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
     """Every test that the rows need, each once."""
     wanted: dict[Task, None] = {}
     for row in rows:
-        for of in filter(None, (row, row.reference)):
+        for of in filter(None, (row, row.reference, row.itself)):
             for seed in range(bench.seeds):
                 wanted[Task(bench.job(of, of.method, seed), bench.places, bench.test(of))] = None
     return list(wanted)
@@ -133,9 +136,12 @@ def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
         lidar = lidar_of(bench.places.scenes, names) if scanned else None
         found += qualities(NAMES[row.model], row.split, tested, lidar)
     if found:
-        page = as_markdown(found)
+        path = results / "predictor.json"
+        kept = json.loads(path.read_text()) if path.exists() else []
+        every = {(q.source, q.model, q.split): q for q in (*(Quality(**q) for q in kept), *found)}
+        page = as_markdown(list(every.values()))
         write_file(results / "predictor.md", page)
-        write_file(results / "predictor.json", json.dumps([asdict(q) for q in found], indent=1))
+        write_file(path, json.dumps([asdict(q) for q in every.values()], indent=1))
         print(f"Collision probabilities\n\n{page}")
 
 
@@ -150,14 +156,17 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
         if not of:
             continue
         curves = [
-            (row.name, [Curve.read(bench.job(row, row.method, seed), bench.places)
-                        for seed in range(bench.seeds)])
+            (row.name, [Curve.read(job, bench.places) for job in jobs],
+             jobs[0].config.hyperparameters.stage1_episodes)
             for row in of
+            for jobs in [[bench.job(row, row.method, seed) for seed in range(bench.seeds)]]
         ]  # fmt: skip
-        hp = bench.job(of[0], of[0].method, 0).config.hyperparameters
-        draw_curves(curves, hp.stage1_episodes, results / f"curves_{table}.png")
+        draw_curves(curves, results / f"curves_{table}.png")
     studied = [row for row in rows if (row.model, row.split) == (model, split)]
-    ours = next((row for row in studied if row.method == "ours"), None)
+    ours = next(
+        (row for row in studied if (row.method, row.p_hat, row.veto) == ("ours", "own", False)),
+        None,
+    )
     if ours is not None:
         before, after = (
             bench.job(ours, method, 0).options(bench.places).out / BEST

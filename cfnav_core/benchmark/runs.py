@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.checkpoint import load_tensors
-from cfnav_core.run import BEST, LOG
+from cfnav_core.run_files import BEST, LOG
 from cfnav_core.whole import write_file
 
 RUNS = "runs.csv"
@@ -60,7 +60,7 @@ class Trained:
 
 
 def write_runs(jobs: Iterable[Job], places: Places, out: Path) -> None:
-    """Write a line for each run, and print what all of them took.
+    """Write a line for each run beside those of other runs, and print what these took.
 
     Args:
         jobs: trained ones.
@@ -71,10 +71,13 @@ def write_runs(jobs: Iterable[Job], places: Places, out: Path) -> None:
         WriteError: it cannot be written.
     """
     found = [Trained.read(job, places) for job in jobs]
+    path = out / RUNS
+    kept = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
+    rows = {row["config_hash"]: row for row in (*kept, *map(asdict, found))}
     text = io.StringIO()
     table = csv.DictWriter(text, list(asdict(found[0])), lineterminator="\n")
     table.writeheader()
-    table.writerows(map(asdict, found))
-    write_file(out / RUNS, text.getvalue())
+    table.writerows(rows.values())
+    write_file(path, text.getvalue())
     hours = sum(run.cpu_s for run in found) / 3600
-    print(f"{len(found)} runs took {hours:.1f} processor hours of training ({out / RUNS})\n")
+    print(f"{len(found)} runs took {hours:.1f} processor hours of training ({path})\n")

@@ -44,3 +44,31 @@ def interval(difference: np.ndarray, rooms: np.ndarray, seed: int = 0) -> tuple[
     total = np.einsum("ns,sr,nr->n", of_seeds, sums, of_rooms, optimize=True)
     low, high = np.percentile(total / (seeds * (of_rooms @ count)), (2.5, 97.5))
     return float(low), float(high)
+
+
+def interval_of_trials(
+    difference: np.ndarray, rooms: np.ndarray, seed: int = 0
+) -> tuple[float, float]:
+    """95 % interval of a mean over few fixed rooms: seeds and, in each room of each, trials anew.
+
+    Every seed met starts of its own, so trials are drawn within seeds. One seed is not drawn: the
+    interval is then of that policy alone.
+
+    Args:
+        difference: float [seeds, trials], paired by seed and trial.
+        rooms: [trials], names of their rooms, the same for every seed.
+        seed: of the resampling.
+
+    Returns:
+        Lower and upper bound.
+    """
+    rng = np.random.default_rng(seed)
+    seeds, total = len(difference), np.zeros(SAMPLES)
+    drawn = rng.integers(seeds, size=(SAMPLES, seeds))
+    for room in np.unique(rooms):
+        there = difference[:, rooms == room].astype(float)
+        for of in drawn.T:
+            which = rng.integers(there.shape[1], size=(SAMPLES, there.shape[1]))
+            total += there[of[:, None], which].sum(1)
+    low, high = np.percentile(total / difference.size, (2.5, 97.5))
+    return float(low), float(high)

@@ -13,7 +13,8 @@ from cfnav_core.benchmark.chance import chance
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import Figures
 from cfnav_core.benchmark.presets import PRESETS, PresetName
-from cfnav_core.benchmark.rows import Row, Split
+from cfnav_core.benchmark.rows import WITH_LIDAR, Row, Split
+from cfnav_core.benchmark.stamps import made_of
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.tested import Tested, TestOf
 from cfnav_core.config import MethodName, PHat
@@ -47,7 +48,8 @@ class Bench:
     def frozen(self, split: Split, p_hat: PHat = "own", veto: bool = False) -> TestOf:
         """A test on a split's frozen episodes."""
         frozen = self.episodes / f"{split}_test.json"
-        return TestOf(p_hat, veto, frozen, PRESETS[self.preset].test_episodes)
+        of = made_of(self.places.scenes, frozen, veto or p_hat in WITH_LIDAR)
+        return TestOf(p_hat, veto, frozen, PRESETS[self.preset].test_episodes, of)
 
     def tested(self, row: Row) -> list[Tested]:
         """Results by seed.
@@ -73,7 +75,10 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         ValueError: runs met different episodes.
     """
     found = bench.tested(row)
-    gain = sr_gain = None
+    gain = sr_gain = over_own = None
+    if row.itself:
+        own = bench.tested(row.itself)
+        over_own = _difference([t.cf_success for t in found], [t.cf_success for t in own])
     if row.reference:
         plain = bench.tested(row.reference)
         if len({t.identity for t in (*found, *plain)}) > 1:
@@ -83,7 +88,7 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
     rooms = found[0].rooms
     return Figures(
         table=row.table, row=row.name, model=row.model, method=row.method, split=row.split,
-        p_hat=row.p_hat, veto=row.veto,
+        p_hat=row.p_hat, veto=row.veto, preset=bench.preset,
         paper_cf_sr=round(row.paper.cf_sr[0] / 100, 3) if row.paper else None,
         paper_cf_spl=round(row.paper.cf_spl[0] / 100, 3) if row.paper else None,
         paper_gain=_paper_gain(row, rows),
@@ -92,6 +97,8 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         gain_ci95=None if gain is None else interval(gain, rooms),
         sr_gain=None if sr_gain is None else float(sr_gain.mean()),
         sr_gain_ci95=None if sr_gain is None else interval(sr_gain, rooms),
+        over_own=None if over_own is None else float(over_own.mean()),
+        over_own_ci95=None if over_own is None else interval(over_own, rooms),
         command=bench.command, config_hash=bench.job(row, row.method, 0).hash,
     )  # fmt: skip
 
@@ -109,8 +116,9 @@ def figures_of_chance(split: Split, bench: Bench) -> Figures:
     ]
     return Figures(
         table="own", row="random", model="none", method="random", split=split, p_hat="own",
-        veto=False, paper_cf_sr=None, paper_cf_spl=None, paper_gain=None, **_measured(found),
-        gain=None, gain_ci95=None, sr_gain=None, sr_gain_ci95=None,
+        veto=False, preset="", paper_cf_sr=None, paper_cf_spl=None, paper_gain=None,
+        **_measured(found), gain=None, gain_ci95=None, sr_gain=None, sr_gain_ci95=None,
+        over_own=None, over_own_ci95=None,
         command=bench.command, config_hash="",
     )  # fmt: skip
 
@@ -127,8 +135,13 @@ def _measured(found: Sequence[Tested]) -> dict[str, Any]:
         "sr_mean": float(np.mean([t.success for t in found])),
         "collisions_mean": float(np.mean([t.collisions for t in found])),
         "seeds": len(found), "episodes": len(found[0].success),
-        "commit": ", ".join(sorted({t.commit for t in found})),
+        "commit": _commits(found),
     }  # fmt: skip
+
+
+def _commits(found: Sequence[Tested]) -> str:
+    trained, tested = ({t.commit for t in found}, {t.tested_at for t in found})
+    return f"{', '.join(sorted(trained))}, tested at {', '.join(sorted(tested))}"
 
 
 def _difference(found: Sequence[np.ndarray], plain: Sequence[np.ndarray]) -> np.ndarray:

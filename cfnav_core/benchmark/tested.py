@@ -9,7 +9,8 @@ import numpy as np
 
 from cfnav_core.config import PHat
 from cfnav_core.evaluate import Evaluation, evaluate
-from cfnav_core.run import BEST
+from cfnav_core.run import commit
+from cfnav_core.run_files import BEST
 from cfnav_core.whole import whole, writing
 
 
@@ -22,6 +23,7 @@ class TestOf:
         veto: the LiDAR may forbid a MoveAhead.
         frozen: file of the test episodes.
         most: how many of them, from the first; all when None.
+        made_of: see ``stamps.made_of``.
     """
 
     __test__ = False  # pytest takes it for one of its own
@@ -30,12 +32,14 @@ class TestOf:
     veto: bool
     frozen: Path
     most: int | None = None
+    made_of: str = ""
 
     @property
     def file(self) -> str:
         """Name of its results in the run's folder."""
         of = "" if self.most is None else f"_{self.most}"
-        return f"{self.frozen.stem}{of}_{self.p_hat}{'_veto' if self.veto else ''}.npz"
+        veto = "_veto" if self.veto else ""
+        return f"{self.frozen.stem}{of}_{self.p_hat}{veto}_{self.made_of}.npz"
 
     @property
     def name(self) -> str:
@@ -54,7 +58,7 @@ class Tested:
         p_hat: float16 [M], what the policy was given at every step of every episode.
         blocked: bool [M], MoveAhead would have collided there.
         states: int32 [M], where that was, see ``SceneBank``.
-        commit: of the code that trained it.
+        commit: of the code that trained it. tested_at: of the code that tested it.
         identity: of the episodes.
     """
 
@@ -67,6 +71,7 @@ class Tested:
     blocked: np.ndarray
     states: np.ndarray
     commit: str
+    tested_at: str
     identity: str
 
     @property
@@ -84,7 +89,9 @@ class Tested:
         """Read what ``run_test`` wrote."""
         with np.load(path, allow_pickle=False) as file:
             found = dict(file.items())
-        return cls(**found | {name: str(found[name]) for name in ("commit", "identity")})
+        return cls(
+            **found | {name: str(found[name]) for name in ("commit", "tested_at", "identity")}
+        )
 
 
 def run_test(test: TestOf, folder: Path, scenes: Path) -> None:
@@ -123,5 +130,6 @@ def save(found: Evaluation, path: Path) -> None:
             blocked=found.bank.collided[states],
             states=states,
             commit=np.array(found.what["commit"]),
+            tested_at=np.array(commit()),
             identity=np.array(found.episodes.identity(found.bank)),
         )

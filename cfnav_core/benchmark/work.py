@@ -6,11 +6,16 @@ it was stopped.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import torch
 
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.tested import TestOf, run_test
@@ -82,7 +87,16 @@ class Task:
         return cls(job=Job(**found.pop("job")), places=places, test=of, **found)
 
     def do(self) -> None:
-        """Train or test, and write the result."""
+        """Train or test, and write the result.
+
+        Raises:
+            OSError: another process does it.
+        """
+        torch.set_num_threads(1)
+        with locked(self.result.with_suffix(".lock")):
+            self._do()
+
+    def _do(self) -> None:
         if self.test:
             run_test(self.test, self.folder, self.places.scenes)
             return
@@ -90,6 +104,23 @@ class Task:
         options = replace(options, device=self.device, precision=self.precision)  # type: ignore[arg-type]
         best = train(options)
         write_json(self.result, {"config_hash": self.job.hash, "best": best.name})
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a lock that a process loses with its life.
+
+    Raises:
+        OSError: another process holds it.
+    """
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OSError(
+                f"found {path} held by another process; let that end, or stop it, then go on"
+            ) from None
+        yield
 
 
 def main() -> None:

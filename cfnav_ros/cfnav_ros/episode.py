@@ -249,7 +249,8 @@ class Episode:
         except ValueError as error:
             self.fail(str(error))
             return
-        probability = inputs.estimate.estimate.probability if self._limits.lidar else None
+        estimate = inputs.estimate.estimate
+        probability = self._limits.told(estimate) if self._limits.lidar else None
         self._observed = inputs
         self._conduct.look()
         own_too = self._limits.p_hat == "both"

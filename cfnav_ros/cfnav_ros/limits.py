@@ -41,7 +41,7 @@ class EpisodeLimits:
     max_pushes: int = setting(8, "times that the base may move by itself in an episode", 1, 1000)
     p_hat: str = setting(
         "lidar",
-        "collision probability: of the lidar, the bundle's own (no veto), or both, the larger one",
+        "collision probability: lidar, own (the bundle's; no veto), both (the larger) or zero",
     )
     veto: bool = setting(True, "the LiDAR may forbid a MoveAhead", live=True)
     veto_probability: float = setting(0.5, "from which it does", 0.001, 1.0, live=True)
@@ -55,8 +55,8 @@ class EpisodeLimits:
     def __post_init__(self) -> None:
         if self.max_steps < 1:
             raise ValueError(f"max_steps is {self.max_steps}, expected at least 1.")
-        if self.p_hat not in ("lidar", "own", "both"):
-            raise ValueError(f"p_hat is {self.p_hat!r}, expected lidar, own or both.")
+        if self.p_hat not in ("lidar", "own", "both", "zero"):
+            raise ValueError(f"p_hat is {self.p_hat!r}, expected lidar, own, both or zero.")
         if not 0 < self.veto_probability <= 1:
             raise ValueError(
                 f"veto_probability is {self.veto_probability}, expected a number in (0, 1]."
@@ -66,6 +66,10 @@ class EpisodeLimits:
     def lidar(self) -> bool:
         """Whether an episode needs the LiDAR."""
         return self.p_hat != "own"
+
+    def told(self, estimate: Estimate) -> float:
+        """The collision probability that the policy is given of the LiDAR's."""
+        return 0.0 if self.p_hat == "zero" else estimate.probability
 
     def forbids(self, estimate: Estimate) -> bool:
         """Whether the LiDAR's veto forbids a MoveAhead."""

@@ -109,8 +109,11 @@ class PolicyNode(Node):
 
     def _announce(self) -> None:
         episode = self._settings.episode
-        sources = {"lidar": "collision/estimate", "own": "the bundle's own predictor"}
-        probability = sources.get(episode.p_hat, "the larger of both")
+        probability = {
+            "lidar": "collision/estimate", "own": "the bundle's own predictor",
+            "both": "the larger of collision/estimate and the bundle's own predictor",
+            "zero": "nowhere (zero)",
+        }[episode.p_hat]  # fmt: skip
         veto = "on" if episode.lidar and episode.veto else "off"
         self.get_logger().info(
             f"Bundle {self._policy.name} drives, run by {self._settings.backend}. Pictures from "

@@ -20,13 +20,14 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from cfnav_core.benchmark.jobs import Job
 from cfnav_core.benchmark.pages import Figures, write_tables
-from cfnav_core.benchmark.statistics import interval, over_seeds
+from cfnav_core.benchmark.statistics import interval_of_trials, over_seeds
 from cfnav_core.bundle import BundleHead
 from cfnav_core.config import PHat
 from cfnav_core.whole import write_file
 from cfnav_ros.demo import commit, run_trial
-from cfnav_ros.json_lines import append_row, read_rows
+from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.plan import Trial
 
 ROOMS = {"living_room:77": 0.151, "living_room:36": 0.217, "living_room:70": 0.283}
@@ -78,6 +79,7 @@ WAYS = (
     Way("Stage Only (TDANet)", "stage_only", 4),
     Way("ours (TDANet)", "ours", 12),
     Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
+    Way("ours (TDANet), zero for p_hat", "ours", p_hat="zero"),
     Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
     Way("Truth (TDANet)", "truth"),
     Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
@@ -170,8 +172,9 @@ def _drive(config: TableIV, way: Way, seed: int) -> None:
     from cfnav_ros.graph import Graph, GraphConfig
 
     path, bundle = _file(config, way, seed), _bundle(config, way, seed)
-    identity = _identity(bundle)
+    identity = identity_of(bundle)
     rows = read_rows(path)
+    write_rows(path, rows)
     if other := {row["bundle"] for row in rows} - {identity}:
         raise OSError(f"{path} holds trials of another bundle ({other.pop()}); remove it")
     there = {Trial(**row["trial"]) for row in rows}
@@ -197,9 +200,10 @@ def _drive(config: TableIV, way: Way, seed: int) -> None:
             append_row(path, {**about, **asdict(outcome), "track": track})
 
 
-def _identity(bundle: Path) -> str:
-    """Of a bundle: hash of its policy."""
-    return BundleHead.load(bundle).files["policy.onnx"][:16]
+def identity_of(bundle: Path) -> str:
+    """Of a bundle: hash of all its networks and their weights."""
+    files = json.dumps(BundleHead.load(bundle).files, sort_keys=True)
+    return hashlib.sha256(files.encode()).hexdigest()[:16]
 
 
 def _keep_map(out: Path, room: str, message: Any) -> None:
@@ -217,7 +221,7 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     # matplotlib is slow to import
     from cfnav_ros.table_iv_plot import draw_table_iv
 
-    driven = {way: [read_rows(_file(config, way, s)) for s in range(config.seeds)] for way in ways}
+    driven = {way: [_driven(config, way, seed) for seed in range(config.seeds)] for way in ways}
     results = config.results or config.out
     write_tables([_figures(config, way, driven) for way in ways], results)
     first = {way.name: driven[way][0][: 3 * len(GOALS) : 3] for way in PAPERS}
@@ -240,13 +244,13 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         sr_gain = success - _rates(driven[plain], "success")
     rooms = np.array([row["room"] for row in rows[0]])
     head = BundleHead.load(_bundle(config, way, 0))
-    config_of = head.training.get("config", {})
+    run = Job.of(head.training)
     cf_sr, spl = over_seeds(cf_success), over_seeds(cf_spl)
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
     return Figures(
         table="IV", row=way.name, model="tdanet", method=way.method,
         split=f"{config.trials} live trials",
-        p_hat=way.p_hat, veto=way.veto,
+        p_hat=way.p_hat, veto=way.veto, preset=run.preset if run else "",
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_cf_spl=None,
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),
@@ -256,13 +260,21 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         collisions_mean=float(_rates(rows, "collisions").mean()),
         seeds=config.seeds, episodes=len(rows[0]),
         gain=None if gain is None else float(gain.mean()),
-        gain_ci95=None if gain is None else interval(gain, rooms),
+        gain_ci95=None if gain is None else interval_of_trials(gain, rooms),
         sr_gain=None if sr_gain is None else float(sr_gain.mean()),
-        sr_gain_ci95=None if sr_gain is None else interval(sr_gain, rooms),
+        sr_gain_ci95=None if sr_gain is None else interval_of_trials(sr_gain, rooms),
+        over_own=None, over_own_ci95=None,
         command=shlex.join(["python", "-m", "cfnav_ros.trials", *sys.argv[1:]]),
-        config_hash=hashlib.sha256(json.dumps(config_of).encode()).hexdigest()[:12],
+        config_hash=run.hash if run else "",
         commit=f"{head.training.get('commit', 'unknown')}, driven at {', '.join(commits)}",
     )  # fmt: skip
+
+
+def _driven(config: TableIV, way: Way, seed: int) -> list[dict[str, Any]]:
+    """Its trials in the order of ``trials_of``, so that those of two rows are pairs."""
+    rows = read_rows(_file(config, way, seed))
+    by_trial = {Trial(**row["trial"]): row for row in rows}
+    return [by_trial[trial] for trial in trials_of(config.trials // config.seeds, seed)]
 
 
 def _rates(rows: Sequence[Sequence[dict[str, Any]]], name: str) -> np.ndarray:

@@ -13,7 +13,8 @@ import torch
 from cfnav_core.checkpoint import load_tensors
 from cfnav_core.config import TrainOptions
 from cfnav_core.ranks import Ranks
-from cfnav_core.run import CHECKPOINT, Run
+from cfnav_core.run import Run
+from cfnav_core.run_files import CHECKPOINT
 from cfnav_core.train import Synchronous
 
 from .worlds import hall

@@ -29,7 +29,8 @@ from cfnav_core.metrics import cf_sr
 from cfnav_core.models import MODELS, Knowledge
 from cfnav_core.networks import TorchNetworks
 from cfnav_core.reward import REWARDS
-from cfnav_core.run import BEST, CHECKPOINT, LOG, STAGE1, Run
+from cfnav_core.run import Run
+from cfnav_core.run_files import BEST, CHECKPOINT, LOG, STAGE1
 from cfnav_core.train import train
 
 from .worlds import hall

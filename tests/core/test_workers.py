@@ -16,7 +16,8 @@ import torch
 from cfnav_core.checkpoint import CheckpointError, load_tensors
 from cfnav_core.config import Hyperparameters, ModelSize, RunConfig, TrainOptions
 from cfnav_core.env import SceneBank
-from cfnav_core.run import BEST, CHECKPOINT, STAGE1, Run
+from cfnav_core.run import Run
+from cfnav_core.run_files import BEST, CHECKPOINT, STAGE1
 from cfnav_core.train import train
 from cfnav_core.workers import EPS, Copy, Workers
 

@@ -129,6 +129,15 @@ def test_without_lidar_the_policy_is_given_no_probability():
     assert policy.seen == [None, None]
 
 
+def test_the_policy_can_be_told_nothing_while_the_lidar_guards_the_way():
+    robot = Robot()
+    robot.estimate = BLOCKED
+    episode, policy = episode_of(Action.MoveAhead, Action.Done, p_hat="zero")
+    robot.run(episode)
+    assert policy.seen == [0.0, 0.0]
+    assert [record.vetoed for _, record in robot.records] == [True, False]
+
+
 @pytest.mark.parametrize("p_hat", ["lidar", "both"])
 def test_the_bundles_own_probability_counts_beside_the_lidars_when_told_so(p_hat):
     robot = Robot()

@@ -275,5 +275,5 @@ def test_bad_limits_are_refused():
         EpisodeLimits(max_steps=0)
     with pytest.raises(ValueError, match="veto_probability is 0"):
         EpisodeLimits(veto_probability=0.0)
-    with pytest.raises(ValueError, match="p_hat is 'rgb', expected lidar, own or both"):
+    with pytest.raises(ValueError, match="p_hat is 'rgb', expected lidar, own, both or zero"):
         EpisodeLimits(p_hat="rgb")

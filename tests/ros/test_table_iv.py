@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cfnav_ros.json_lines import append_row
-from cfnav_ros.table_iv import GOALS, PAPERS, ROOMS, TableIV, run, trials_of
+from cfnav_ros.table_iv import GOALS, PAPERS, ROOMS, TableIV, identity_of, run, trials_of
 from PIL import Image
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode
@@ -19,6 +19,10 @@ from sim_bridge.room import generate_room, parse_room
 from sim_bridge.world import World
 
 from cfnav_core.actions import Action
+from cfnav_core.bundle import shipped_bundle
+from cfnav_core.checkpoint import load_tensors, save_tensors
+from cfnav_core.export import export_bundle
+from tests.core.model_samples import save_fresh
 from tests.deploy.bundles import make_bundle
 
 METHODS = [way.method for way in PAPERS]
@@ -57,9 +61,7 @@ def put_bundle(place: Path, actions: list[Action]) -> None:
 
 def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
     """Write down fifteen trials as if they had been driven."""
-    from cfnav_core.bundle import BundleHead
-
-    bundle = BundleHead.load(config.bundles / f"{method}_seed0").files["policy.onnx"][:16]
+    bundle = identity_of(config.bundles / f"{method}_seed0")
     for n, trial in enumerate(trials_of(15, 0)):
         good = n < successes
         append_row(path, {
@@ -89,6 +91,26 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     assert rows[0]["collisions_mean"] == pytest.approx(0.8)
     with Image.open(config.out / "table_IV_15.png") as picture:
         assert min(picture.size) > 800
+    # trials are paired by what they are, not by where they stand
+    path = config.out / "ours_seed0_15.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines[5:], *lines[:5]]) + '{"trial": {"ro')
+    run(config)
+    again = json.loads((config.out / "summary.json").read_text())["rows"]
+    assert again == rows
+
+
+def test_bundles_of_one_network_are_told_apart_by_their_weights(tmp_path: Path) -> None:
+    perception = shipped_bundle() / "perception.onnx"
+    checkpoint = save_fresh(tmp_path / "best.safetensors", "tdanet", perception, ("Mug",))
+    a, b = tmp_path / "a", tmp_path / "b"
+    export_bundle(checkpoint, perception, a, "one")
+    tensors, head = load_tensors(checkpoint)
+    tensors["model.policy.actor.weight"] += 1
+    save_tensors(checkpoint, tensors, {k: head[k] for k in head if k not in ("schema", "kind")})
+    export_bundle(checkpoint, perception, b, "one")
+    assert (a / "policy.onnx").read_bytes() == (b / "policy.onnx").read_bytes()
+    assert identity_of(a) != identity_of(b)
 
 
 def test_trials_of_another_bundle_are_not_mixed(bundles: Path, tmp_path: Path) -> None:

@@ -279,7 +279,7 @@ class Replay:
     def _step_of(self, runner: _Runner, seen: Observation, moment: _Moment) -> ReplayStep:
         judged = moment.estimate
         p_hat_rgb = runner.policy.predict_collision(seen)
-        given = judged.estimate.probability if judged else None
+        given = self._limits.told(judged.estimate) if judged else None
         decision = runner.policy.decide(seen, given, self._limits.p_hat == "both")
         looks = [j.estimate for j in (judged, moment.newest) if j] if judged else []
         vetoed = decision.action is Action.MoveAhead and any(map(self._limits.forbids, looks))

@@ -11,8 +11,8 @@ import pytest
 from cfnav_core.benchmark.grid import GridError, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.tested import TestOf
-from cfnav_core.benchmark.work import Task
-from cfnav_core.run import STAGE1
+from cfnav_core.benchmark.work import Task, locked
+from cfnav_core.run_files import STAGE1
 
 OURS = Job("lstde", "ours", "data1", 0, "tiny", "p")
 
@@ -86,9 +86,17 @@ def test_a_task_survives_its_file(places: Places) -> None:
     train = Task(OURS, places, None, "cpu", "medium")
     train.folder.mkdir(parents=True)
     assert Task.load(train.save()) == train
-    test = Task(OURS, places, TestOf("shuffled", True, Path("docs/data1_test.json"), 40))
+    test = Task(OURS, places, TestOf("shuffled", True, Path("docs/data1_test.json"), 40, "abc"))
     assert Task.load(test.save()) == test
-    assert test.result.name == "data1_test_40_shuffled_veto.npz"
+    assert test.result.name == "data1_test_40_shuffled_veto_abc.npz"
     assert not test.ready
     train.result.touch()
     assert test.ready
+
+
+def test_two_processes_never_do_one_task(tmp_path: Path) -> None:
+    again = pytest.raises(OSError, match=r"found .*done\.lock held by another process")
+    with locked(tmp_path / "done.lock"), again, locked(tmp_path / "done.lock"):
+        pass
+    with locked(tmp_path / "done.lock"):
+        pass

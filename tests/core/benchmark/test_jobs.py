@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ from cfnav_core.benchmark.presets import MODELS, PRESETS
 from cfnav_core.benchmark.rows import PAIRS, ROWS
 from cfnav_core.methods import METHODS
 from cfnav_core.rooms import SPLITS
-from cfnav_core.run import STAGE1
+from cfnav_core.run_files import STAGE1
 
 PLACES = Places(Path("rooms"), Path("grid"))
 OURS = Job("lstde", "ours", "data1", 0, "small", "p")
@@ -86,3 +86,15 @@ def test_only_methods_with_a_penalty_in_stage_one_begin_stage_two_later() -> Non
         > OURS.config.hyperparameters.stage1_episodes
     }  # fmt: skip
     assert later == {"reward", "xiao", "reward_only"}
+
+
+def test_a_bundle_names_the_run_that_it_came_from() -> None:
+    job = Job("tdanet", "reward_only", "data2", 3, "small", "eyes")
+    training = {
+        "config": asdict(job.config), "train_rooms": ["data2:train"], "perception": "eyes",
+    }  # fmt: skip
+    assert Job.of(training) == job
+    other = replace(job.config, predictor_hidden=99)
+    assert Job.of(training | {"config": asdict(other)}) is None
+    assert Job.of(training | {"train_rooms": ["kitchen:0-15"]}) is None
+    assert Job.of({}) is None

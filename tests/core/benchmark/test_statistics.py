@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cfnav_core.benchmark.statistics import interval, over_seeds
+from cfnav_core.benchmark.statistics import interval, interval_of_trials, over_seeds
 
 
 def test_mean_and_spread_are_of_the_seeds() -> None:
@@ -48,5 +48,25 @@ def test_the_interval_covers_the_truth_as_often_as_it_says() -> None:
         seeds = rng.normal(0, 0.1, (8, 1))
         of_rooms = rng.normal(0, 0.2, 20)[rooms][None]
         low, high = interval(seeds + of_rooms + rng.normal(0, 0.5, (8, 200)), rooms, seed=n)
+        held += low <= 0 <= high
+    assert 170 <= held <= 200
+
+
+def test_the_interval_of_few_trials_in_fixed_rooms_is_no_point() -> None:
+    """12 of 15, four in each room: the rooms are alike, the trials are not."""
+    difference = np.tile([1.0, 1.0, 1.0, 1.0, 0.0], 3)[None]
+    low, high = interval_of_trials(difference, np.repeat(["a", "b", "c"], 5))
+    assert 0.5 < low < 0.7
+    assert 0.9 < high <= 1.0
+
+
+@pytest.mark.parametrize(("seeds", "apart"), [(1, 0.0), (5, 0.0), (8, 0.2)])
+def test_the_interval_of_trials_covers_the_truth(seeds: int, apart: float) -> None:
+    rng = np.random.default_rng(0)
+    rooms, held = np.tile([0, 1, 2], 10), 0
+    of_rooms = np.array([-0.3, 0.0, 0.3])[rooms]  # fixed: no part of the doubt
+    for n in range(200):
+        found = rng.normal(0, apart, (seeds, 1)) + of_rooms + rng.normal(0, 0.5, (seeds, 30))
+        low, high = interval_of_trials(found, rooms, seed=n)
         held += low <= 0 <= high
     assert 170 <= held <= 200

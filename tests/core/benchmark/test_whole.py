@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +19,14 @@ from cfnav_core.agent import new_agent
 from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.presets import PRESETS
 from cfnav_core.benchmark.run import run_benchmark
+from cfnav_core.benchmark.stamps import made_of
+from cfnav_core.benchmark.work import locked
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes
 from cfnav_core.knowledge.files import load_knowledge
 from cfnav_core.published.start_states import read_episodes, write_episodes
 from cfnav_core.rooms import SPLITS, parse_room, parse_rooms, room_folder
-from cfnav_core.scene import LIDAR, SceneError
+from cfnav_core.scene import LIDAR, SCENE, SceneError
 from tests.core.worlds import hall
 
 TABLES = ("I", "own")
@@ -125,7 +130,7 @@ def test_stage_one_was_trained_once(options: Benchmark, found) -> None:
 def test_going_on_does_what_is_missing_and_nothing_else(options: Benchmark, found) -> None:
     (ours,) = (options.out / "runs").glob(OF.format("ours"))
     (plain,) = (options.out / "runs").glob(OF.format("plain"))
-    removed = next(plain.glob("*_own.npz"))
+    removed = next(plain.glob("*_own_*.npz"))
     removed.unlink()
     kept = {path: path.stat().st_mtime_ns for path in ours.iterdir()}
     run_benchmark(replace(options, ray=""), "cfnav benchmark I own")
@@ -144,3 +149,58 @@ def test_rows_that_need_the_lidar_say_so_before_training(options: Benchmark, tmp
     finally:
         away.rename(first / LIDAR)
     assert not (tmp_path / "grid" / "runs").exists()
+
+
+def test_runs_of_other_rooms_are_not_gone_on_with(options: Benchmark, found) -> None:
+    head = room_folder(options.scenes, "kitchen", 0) / SCENE
+    before = head.read_text()
+    head.write_text(before.replace('"source": "', '"source": "new '))
+    try:
+        with pytest.raises(ValueError, match=r"are not those in which the runs .* give another"):
+            run_benchmark(options, "")
+    finally:
+        head.write_text(before)
+
+
+def test_tests_of_other_episodes_rooms_or_lidar_do_not_count(options: Benchmark, found) -> None:
+    frozen = options.episodes / "data2_test.json"
+    room = room_folder(options.scenes, *parse_room(read_episodes(frozen)[0].scene))
+
+    def made() -> tuple[str, str]:
+        made_of.cache_clear()
+        return made_of(options.scenes, frozen, False), made_of(options.scenes, frozen, True)
+
+    first = made()
+    assert made() == first
+    both, one = (True, True), (False, True)
+    for path, changes in ((frozen, both), (room / SCENE, both), (room / LIDAR, one)):
+        content = path.read_bytes()
+        path.write_bytes(content + b" ")
+        assert tuple(a != b for a, b in zip(made(), first, strict=True)) == changes
+        path.write_bytes(content)
+    assert made() == first
+
+
+def test_a_grid_that_is_told_to_stop_leaves_nothing_behind(options: Benchmark, tmp_path) -> None:
+    grid = subprocess.Popen(
+        [sys.executable, "-m", "cfnav_core.cli", "benchmark", "I", "--model", "tdanet",
+         "--preset", "small", "--seeds", "1", "--jobs", "1", "--scenes", str(options.scenes),
+         "--out", str(tmp_path), "--train-only"],
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    (lock,) = wait_for(lambda: list(tmp_path.glob("runs/*/log.jsonl")), grid)
+    grid.terminate()
+    assert grid.wait(120) == 130
+    with locked(lock.parent / "done.lock"):
+        pass
+    assert (lock.parent / "checkpoint.safetensors").exists()
+
+
+def wait_for(found, process: subprocess.Popen, seconds: float = 120):
+    """What a process makes, as soon as it is there."""
+    end = time.monotonic() + seconds
+    while not (there := found()):
+        assert process.poll() is None, process.communicate()[1].decode()
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    return there
