@@ -21,9 +21,9 @@ cfnav benchmark I II III own --scenes "$out/rooms" --out "$out/grid" --seeds "$s
 for method in plain reward_only stage_only ours truth; do
   for ((seed = 0; seed < seeds; seed++)); do
     run=data2_tdanet_${method}_seed$seed
-    hash=$(awk -F, -v run="$run" \
-      'run == $1 "_" $2 "_" $3 "_seed" $4 {hash = $5} END {print hash}' "$results/runs.csv")
-    cfnav export "$out/grid/runs/${run}_$hash/best.safetensors" --perception "$perception" \
+    folder=$(awk -F, -v run="${run}_" 'index($1, run) == 1 {of = $1} END {print of}' \
+      "$results/runs.csv")
+    cfnav export "$out/grid/runs/$folder/best.safetensors" --perception "$perception" \
       --name "tdanet_${method}_seed$seed" --out "$out/bundles/${method}_seed$seed"
   done
 done

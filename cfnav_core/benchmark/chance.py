@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.benchmark.tested import Tested, TestOf, save
+from cfnav_core.benchmark.tested import FrozenTest, Tested, save
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, Evaluation, run_episodes
 from cfnav_core.networks import AgentState, Sight
@@ -34,7 +34,7 @@ class Uniform:
         return np.full((n, NUM_ACTIONS), 1 / NUM_ACTIONS, np.float32), self.predict(sight, state)
 
 
-def chance(test: TestOf, scenes: Path, seed: int, path: Path) -> Tested:
+def chance(test: FrozenTest, scenes: Path, seed: int, path: Path) -> Tested:
     """Draw actions in the test episodes, once for each seed.
 
     Args:

@@ -44,6 +44,7 @@ class Job:
 
     Attributes:
         perception: identity of what made the scenes' features.
+        longer: see ``Preset.run``.
     """
 
     model: ModelName
@@ -52,11 +53,12 @@ class Job:
     seed: int
     preset: PresetName
     perception: str
+    longer: bool = False
 
     @property
     def config(self) -> RunConfig:
         """What is trained."""
-        return PRESETS[self.preset].run(self.model, self.method, self.seed)
+        return PRESETS[self.preset].run(self.model, self.method, self.seed, self.longer)
 
     @property
     def hash(self) -> str:
@@ -72,16 +74,29 @@ class Job:
     @property
     def name(self) -> str:
         """Of its folder."""
-        return f"{self.split}_{self.model}_{self.method}_seed{self.seed}_{self.hash}"
+        return f"{self.title.replace(' ', '_')}_{self.hash}"
+
+    @property
+    def title(self) -> str:
+        """In words, for people."""
+        longer = " longer" if self.longer else ""
+        return f"{self.split} {self.model} {self.method}{longer} seed{self.seed}"
 
     @property
     def stage1(self) -> Job | None:
         """The run whose stage one this one goes on from, None when it has its own."""
         method, shared = METHODS[self.method], METHODS[SHARED_STAGE1]
         alike = (shared.stage1, replace(shared.stage1, train_predictor=False))
-        if self.method == SHARED_STAGE1 or method.shared_encoder or method.stage1 not in alike:
+        source = replace(self, method=SHARED_STAGE1, longer=False)
+        if self == source or method.shared_encoder or method.stage1 not in alike:
             return None
-        return replace(self, method=SHARED_STAGE1)
+        return source
+
+    @classmethod
+    def of_row(cls, row: Row, seed: int, preset: PresetName, perception: str) -> Job:
+        """A run of a row."""
+        longer = row.longer and not METHODS[row.method].stage1.collision_penalty
+        return cls(row.model, row.method, row.split, seed, preset, perception, longer)
 
     @classmethod
     def of(cls, training: dict[str, Any]) -> Job | None:
@@ -136,7 +151,7 @@ def jobs_of(rows: Iterable[Row], seeds: int, preset: PresetName, perception: str
     compared = [of for row in rows for of in (row, row.reference) if of]
     for seed in range(seeds):
         for row in compared:
-            job = Job(row.model, row.method, row.split, seed, preset, perception)
+            job = Job.of_row(row, seed, preset, perception)
             if job.stage1:
                 wanted[job.stage1] = None
             wanted[job] = None

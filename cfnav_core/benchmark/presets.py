@@ -1,8 +1,8 @@
 """Sizes and numbers of the runs: small ones that two cores finish, and the published ones.
 
-Every number of "small" was chosen on validation rooms, with plain as carefully as with ours, and
-is the same for all methods of a model. Only E_1 is longer where collisions cost from the first
-episode: such agents walk later.
+The numbers of "small" were chosen in validation rooms of data2, with plain as carefully as with
+ours, and are the same for all methods of a model. Only E_1 is longer where collisions cost from the
+first episode: such agents walk later. Rows that are trained as long as they show what that makes.
 """
 
 from __future__ import annotations
@@ -47,13 +47,22 @@ class Preset:
     test_episodes: int | None = None
     stage1_if_penalised: dict[ModelName, int] = field(default_factory=dict)
 
-    def run(self, model: ModelName, method: MethodName, seed: int) -> RunConfig:
-        """What is trained."""
+    def run(
+        self, model: ModelName, method: MethodName, seed: int, longer: bool = False
+    ) -> RunConfig:
+        """What is trained.
+
+        Args:
+            longer: for as many episodes as a method in which collisions cost in stage one; such a
+                method is anyway.
+        """
         run = self.runs[model]
         hp = run.hyperparameters
+        later = self.stage1_if_penalised.get(model, hp.stage1_episodes)
         if METHODS[method].stage1.collision_penalty:
-            later = self.stage1_if_penalised.get(model, hp.stage1_episodes)
             hp = replace(hp, stage1_episodes=later)
+        elif longer:
+            hp = replace(hp, stage2_episodes=hp.stage2_episodes + later - hp.stage1_episodes)
         return replace(run, model=model, method=method, seed=seed, hyperparameters=hp)
 
 
@@ -91,7 +100,7 @@ SMALL: dict[ModelName, RunConfig] = {
 met no collisions to learn from. Until then episodes are short, so these numbers cost little."""
 
 SMALL_PENALISED: dict[ModelName, int] = {"lstde": 90_000, "tdanet": 90_000}
-"""By the same rule."""
+"""L-sTDE's by the same rule, seen in Reward; TDANet's Reward Only was not tried and has its."""
 
 FULL = RunConfig(
     size=PUBLISHED,

@@ -117,7 +117,7 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
     for row in rows:
         for of in filter(None, (row, row.reference, row.itself)):
             for seed in range(bench.seeds):
-                wanted[Task(bench.job(of, of.method, seed), bench.places, bench.test(of))] = None
+                wanted[Task(bench.job(of, seed), bench.places, bench.test(of))] = None
     return list(wanted)
 
 
@@ -159,19 +159,16 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
             (row.name, [Curve.read(job, bench.places) for job in jobs],
              jobs[0].config.hyperparameters.stage1_episodes)
             for row in of
-            for jobs in [[bench.job(row, row.method, seed) for seed in range(bench.seeds)]]
+            for jobs in [[bench.job(row, seed) for seed in range(bench.seeds)]]
         ]  # fmt: skip
         draw_curves(curves, results / f"curves_{table}.png")
     studied = [row for row in rows if (row.model, row.split) == (model, split)]
     ours = next(
-        (row for row in studied if (row.method, row.p_hat, row.veto) == ("ours", "own", False)),
-        None,
+        (row for row in studied if row.table in ("I", "II", "III") and row.method == "ours"), None
     )
-    if ours is not None:
+    if ours and ours.reference:
         before, after = (
-            bench.job(ours, method, 0).options(bench.places).out / BEST
-            for method in (ours.against, ours.method)
-            if method
+            bench.job(row, 0).options(bench.places).out / BEST for row in (ours.reference, ours)
         )
         frozen = bench.test(ours).frozen
         pairs = find_pairs(before, after, bench.places.scenes, frozen, PATHS)

@@ -22,13 +22,14 @@ class Trained:
     """One run.
 
     Attributes:
-        config_hash: of its configuration. commit: of the code.
+        run: name of its folder. config_hash: of its configuration. commit: of the code.
         episodes, steps: that it trained, with the stage one that it goes on from.
         cpu_s: processor seconds of its own part, validations included.
         sr, cf_sr: of training, over its last episodes.
         validation_cf_sr: of the checkpoint, the best of stage two.
     """
 
+    run: str
     split: str
     model: str
     method: str
@@ -53,7 +54,7 @@ class Trained:
         last = json.loads((folder / LOG).read_text().splitlines()[-1])
         _, head = load_tensors(folder / BEST)
         return cls(
-            job.split, job.model, job.method, job.seed, job.hash, head["commit"],
+            job.name, job.split, job.model, job.method, job.seed, job.hash, head["commit"],
             last["episodes"], last["steps"], round(last["cpu_s"]),
             round(last["sr"], 4), round(last["cf_sr"], 4), round(head["best"], 4),
         )  # fmt: skip

@@ -12,9 +12,15 @@ from cfnav_core.benchmark.jobs import Places
 from cfnav_core.json_file import write_json
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.rooms import parse_room, parse_rooms, room_folder
-from cfnav_core.scene import LIDAR, SCENE
+from cfnav_core.scene import LIDAR, SCENE, SceneError
 
 ROOMS = "rooms.json"
+
+REMEDY = {
+    SCENE: "make the rooms with python -m sim_bridge.dataset --out SCENES",
+    LIDAR: "make it with python -m sim_bridge.scans SCENES, then python -m cfnav_ros.lidar_states "
+    "SCENES",
+}
 
 
 def check_rooms(places: Places, splits: Iterable[str]) -> None:
@@ -22,7 +28,7 @@ def check_rooms(places: Places, splits: Iterable[str]) -> None:
 
     Raises:
         ValueError: the grid was begun in other rooms.
-        OSError: a room is not there.
+        SceneError: a room is not there.
     """
     path = places.out / ROOMS
     noted = json.loads(path.read_text()) if path.exists() else {}
@@ -42,7 +48,7 @@ def made_of(scenes: Path, frozen: Path, lidar: bool) -> str:
     """Eight hex digits of what a test is made of: the episodes, their rooms, what the LiDAR says.
 
     Raises:
-        OSError: something is not there.
+        SceneError: a room is not there, or what the LiDAR says in it.
     """
     rooms = tuple(sorted({parse_room(start.scene) for start in read_episodes(frozen)}))
     parts = [frozen.read_bytes().hex(), _digest(scenes, rooms, SCENE)]
@@ -53,6 +59,12 @@ def made_of(scenes: Path, frozen: Path, lidar: bool) -> str:
 
 def _digest(scenes: Path, rooms: tuple[tuple[str, int], ...], name: str) -> str:
     found = hashlib.sha256()
-    for room in rooms:
-        found.update((room_folder(scenes, *room) / name).read_bytes())
+    for kind, seed in rooms:
+        try:
+            found.update((room_folder(scenes, kind, seed) / name).read_bytes())
+        except OSError as error:
+            raise SceneError(
+                f"found no readable {name} of {kind}:{seed} in {scenes} ({error.strerror}); "
+                f"{REMEDY[name]}"
+            ) from error
     return found.hexdigest()

@@ -16,8 +16,8 @@ from cfnav_core.benchmark.presets import PRESETS, PresetName
 from cfnav_core.benchmark.rows import WITH_LIDAR, Row, Split
 from cfnav_core.benchmark.stamps import made_of
 from cfnav_core.benchmark.statistics import interval, over_seeds
-from cfnav_core.benchmark.tested import Tested, TestOf
-from cfnav_core.config import MethodName, PHat
+from cfnav_core.benchmark.tested import FrozenTest, Tested
+from cfnav_core.config import PHat
 
 
 @dataclass(frozen=True)
@@ -37,19 +37,19 @@ class Bench:
     perception: str
     command: str
 
-    def job(self, row: Row, method: MethodName, seed: int) -> Job:
-        """The run of a row."""
-        return Job(row.model, method, row.split, seed, self.preset, self.perception)
+    def job(self, row: Row, seed: int) -> Job:
+        """A run of a row."""
+        return Job.of_row(row, seed, self.preset, self.perception)
 
-    def test(self, row: Row) -> TestOf:
+    def test(self, row: Row) -> FrozenTest:
         """The test of a row."""
         return self.frozen(row.split, row.p_hat, row.veto)
 
-    def frozen(self, split: Split, p_hat: PHat = "own", veto: bool = False) -> TestOf:
+    def frozen(self, split: Split, p_hat: PHat = "own", veto: bool = False) -> FrozenTest:
         """A test on a split's frozen episodes."""
         frozen = self.episodes / f"{split}_test.json"
         of = made_of(self.places.scenes, frozen, veto or p_hat in WITH_LIDAR)
-        return TestOf(p_hat, veto, frozen, PRESETS[self.preset].test_episodes, of)
+        return FrozenTest(p_hat, veto, frozen, PRESETS[self.preset].test_episodes, of)
 
     def tested(self, row: Row) -> list[Tested]:
         """Results by seed.
@@ -58,7 +58,7 @@ class Bench:
             FileNotFoundError: a run was not tested yet.
         """
         file = self.test(row).file
-        runs = (self.job(row, row.method, seed) for seed in range(self.seeds))
+        runs = (self.job(row, seed) for seed in range(self.seeds))
         return [Tested.load(run.options(self.places).out / file) for run in runs]
 
 
@@ -99,7 +99,7 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         sr_gain_ci95=None if sr_gain is None else interval(sr_gain, rooms),
         over_own=None if over_own is None else float(over_own.mean()),
         over_own_ci95=None if over_own is None else interval(over_own, rooms),
-        command=bench.command, config_hash=bench.job(row, row.method, 0).hash,
+        command=bench.command, config_hash=bench.job(row, 0).hash,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from cfnav_core.whole import whole, writing
 
 
 @dataclass(frozen=True)
-class TestOf:
+class FrozenTest:
     """Which test.
 
     Attributes:
@@ -25,8 +25,6 @@ class TestOf:
         most: how many of them, from the first; all when None.
         made_of: see ``stamps.made_of``.
     """
-
-    __test__ = False  # pytest takes it for one of its own
 
     p_hat: PHat
     veto: bool
@@ -94,7 +92,7 @@ class Tested:
         )
 
 
-def run_test(test: TestOf, folder: Path, scenes: Path) -> None:
+def run_test(test: FrozenTest, folder: Path, scenes: Path) -> None:
     """Test a run's best checkpoint.
 
     Raises:

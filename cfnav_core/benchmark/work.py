@@ -18,7 +18,7 @@ from typing import Any
 import torch
 
 from cfnav_core.benchmark.jobs import Job, Places
-from cfnav_core.benchmark.tested import TestOf, run_test
+from cfnav_core.benchmark.tested import FrozenTest, run_test
 from cfnav_core.json_file import write_json
 from cfnav_core.train import train
 
@@ -38,7 +38,7 @@ class Task:
 
     job: Job
     places: Places
-    test: TestOf | None = None
+    test: FrozenTest | None = None
     device: str = "auto"
     precision: str = "highest"
 
@@ -50,9 +50,7 @@ class Task:
     @property
     def name(self) -> str:
         """In words, for people."""
-        job = self.job
-        what = self.test.name if self.test else "train"
-        return f"{job.split} {job.model} {job.method} seed {job.seed}: {what}"
+        return f"{self.job.title}: {self.test.name if self.test else 'train'}"
 
     @property
     def result(self) -> Path:
@@ -83,7 +81,7 @@ class Task:
         found = json.loads(path.read_text())
         places = Places(**{k: Path(v) for k, v in found.pop("places").items()})
         test = found.pop("test")
-        of = TestOf(**{**test, "frozen": Path(test["frozen"])}) if test else None
+        of = FrozenTest(**{**test, "frozen": Path(test["frozen"])}) if test else None
         return cls(job=Job(**found.pop("job")), places=places, test=of, **found)
 
     def do(self) -> None:

@@ -2,7 +2,7 @@
 
 Where p_hat enters is not stated in the paper; there it is one more number among hundreds that the
 LSTM reads. Here it is also added to the action logits with a weight for each action, which start at
-zero: a straight way from the predictor to the choice. Not in the paper; a row of its own.
+zero: a straight way from the predictor to the choice. Not in the paper, and in none of its tables.
 """
 
 from __future__ import annotations

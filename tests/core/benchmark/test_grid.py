@@ -10,7 +10,7 @@ import pytest
 
 from cfnav_core.benchmark.grid import GridError, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places
-from cfnav_core.benchmark.tested import TestOf
+from cfnav_core.benchmark.tested import FrozenTest
 from cfnav_core.benchmark.work import Task, locked
 from cfnav_core.run_files import STAGE1
 
@@ -86,7 +86,7 @@ def test_a_task_survives_its_file(places: Places) -> None:
     train = Task(OURS, places, None, "cpu", "medium")
     train.folder.mkdir(parents=True)
     assert Task.load(train.save()) == train
-    test = Task(OURS, places, TestOf("shuffled", True, Path("docs/data1_test.json"), 40, "abc"))
+    test = Task(OURS, places, FrozenTest("shuffled", True, Path("docs/data1_test.json"), 40, "abc"))
     assert Task.load(test.save()) == test
     assert test.result.name == "data1_test_40_shuffled_veto_abc.npz"
     assert not test.ready

@@ -32,9 +32,23 @@ def test_the_tables_have_the_papers_rows() -> None:
 def test_a_run_that_rows_share_is_made_once() -> None:
     jobs = jobs_of(ROWS, 5, "small", "p")
     assert len(set(jobs)) == len(jobs)
-    assert sum(j.model == "lstde" and j.method == "plain" for j in jobs) == 5
-    # 7 pairs with 2 methods; of L-sTDE 7 others, of TDANet Stage Only, Reward Only and Truth
-    assert len(jobs) == 5 * (7 * 2 + 7 + 3)
+    assert len({job.name for job in jobs}) == len(jobs)
+    assert sum((j.model, j.method, j.longer) == ("lstde", "plain", False) for j in jobs) == 5
+    # 7 pairs with 2 methods; of L-sTDE 7 others and 2 longer, of TDANet Stage Only, Reward Only
+    # and Truth
+    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3)
+
+
+def test_rows_as_long_have_as_many_episodes_and_the_same_stage_one() -> None:
+    rows = [row for row in ROWS if row.longer]
+    jobs = {row.method: Job.of_row(row, 0, "small", "p") for row in rows}
+    numbers = [job.config.hyperparameters for job in jobs.values()]
+    assert set(jobs) == {"plain", "reward", "xiao", "ours"}
+    assert len({hp.stage1_episodes + hp.stage2_episodes for hp in numbers}) == 1
+    assert jobs["ours"].stage1 == jobs["plain"].stage1 == OURS
+    assert jobs["reward"] == replace(OURS, method="reward")
+    references = {row.reference for row in rows if row.reference}
+    assert {Job.of_row(of, 0, "small", "p") for of in references} == {jobs["plain"]}
 
 
 def test_what_is_waited_for_comes_first() -> None:
@@ -59,8 +73,9 @@ def test_the_hash_tells_configurations_apart_and_names_do_not_change() -> None:
     others = [
         replace(OURS, seed=1), replace(OURS, method="plain"), replace(OURS, model="hoz"),
         replace(OURS, split="data2"), replace(OURS, preset="full"), replace(OURS, perception="q"),
+        replace(OURS, longer=True),
     ]  # fmt: skip
-    assert len({job.hash for job in (OURS, *others)}) == 7
+    assert len({job.hash for job in (OURS, *others)}) == 8
     assert OURS.hash == replace(OURS).hash
     assert OURS.name == f"data1_lstde_ours_seed0_{OURS.hash}"
 

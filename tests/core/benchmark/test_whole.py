@@ -162,6 +162,11 @@ def test_runs_of_other_rooms_are_not_gone_on_with(options: Benchmark, found) -> 
         head.write_text(before)
 
 
+def test_missing_rooms_are_told_in_a_sentence(options: Benchmark, tmp_path) -> None:
+    with pytest.raises(SceneError, match=r"found no readable scene\.json of kitchen:0 .* make the"):
+        run_benchmark(replace(options, scenes=tmp_path / "none", out=tmp_path / "grid"), "")
+
+
 def test_tests_of_other_episodes_rooms_or_lidar_do_not_count(options: Benchmark, found) -> None:
     frozen = options.episodes / "data2_test.json"
     room = room_folder(options.scenes, *parse_room(read_episodes(frozen)[0].scene))
