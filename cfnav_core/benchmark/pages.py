@@ -32,7 +32,7 @@ class Figures:
         over_own: mean CF-SR minus that of the same policies with their own p_hat, without veto.
         command: that made the row.
         config_hash: of the runs' configuration, seed 0.
-        commit: of the code that trained them.
+        commit: of the code that trained them. tested_at: of the code that tested or drove them.
     """
 
     table: str
@@ -63,6 +63,7 @@ class Figures:
     command: str
     config_hash: str
     commit: str
+    tested_at: str
 
 
 def write_tables(found: Sequence[Figures], out: Path) -> None:

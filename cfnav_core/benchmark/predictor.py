@@ -6,23 +6,32 @@ prediction. What is to be told is whether MoveAhead would collide there, whateve
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from cfnav_core import calibration as rel
-from cfnav_core.benchmark.tested import Tested
+from cfnav_core.benchmark.rows import NAMES, Row
+from cfnav_core.benchmark.tables import Bench
+from cfnav_core.benchmark.tested import Steps
+from cfnav_core.json_file import write_json
+from cfnav_core.scenes import has_lidar, lidar_of
+from cfnav_core.whole import write_file
+
+FIGURES = ("blocked", "auc", "ece", "skill")
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Of one source of probabilities, means over seeds.
+    """Of one source of probabilities: of a run, or means over runs.
 
     Attributes:
         source: "RGB predictor", "LiDAR", or "the larger" of both.
         model, split: whose episodes.
-        steps: judged, of all seeds. blocked: share of them at which MoveAhead would collide.
+        steps: judged, of all runs. blocked: share of them at which MoveAhead would collide.
         auc: area under the ROC curve.
         ece: expected calibration error, 10 bins of equal width.
         skill: Brier skill against the constant share of blocked steps.
@@ -38,37 +47,88 @@ class Quality:
     skill: float
 
 
-def qualities(
-    model: str, split: str, tested: Sequence[Tested], lidar: np.ndarray | None
-) -> list[Quality]:
-    """Judge the predictor of ours, and the LiDAR where its probabilities are known.
+def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
+    """Write and print how good the probabilities are that every row of ours in Table I was given.
+
+    The LiDAR's are judged beside them where the test rooms were scanned.
 
     Args:
-        model, split: of the runs.
-        tested: by seed, with their own prediction.
+        rows: tested ones.
+        bench: where they are.
+        results: folder that gets ``predictor.json`` and ``predictor.md``.
+
+    Raises:
+        FileNotFoundError: a run was not tested yet.
+        WriteError: the results cannot be written.
+    """
+    found: list[Quality] = []
+    for row in rows:
+        if (row.table, row.method) == ("I", "ours"):
+            found += over_runs(_judged(row, bench))
+    if not found:
+        return
+    path = results / "predictor.json"
+    kept = json.loads(path.read_text()) if path.exists() else []
+    every = {(q.source, q.model, q.split): q for q in (*(Quality(**q) for q in kept), *found)}
+    page = as_markdown(list(every.values()))
+    write_file(results / "predictor.md", page)
+    write_file(path, json.dumps([asdict(q) for q in every.values()], indent=1))
+    print(f"Collision probabilities\n\n{page}")
+
+
+def _judged(row: Row, bench: Bench) -> list[list[Quality]]:
+    """By run; kept beside a run's results, as its steps are large."""
+    names = sorted({str(room) for room in bench.tested(row)[0].rooms})
+    scanned = has_lidar(bench.places.scenes, names)
+    lidar = lidar_of(bench.places.scenes, names) if scanned else None
+    of = bench.frozen(row.split, "lidar" if scanned else "own").made_of
+    runs = []
+    for result in bench.results(row):
+        path = result.with_suffix(f".predictor_{of}.json")
+        if not path.exists():
+            found = qualities(NAMES[row.model], row.split, Steps.load(result), lidar)
+            write_json(path, {"sources": [asdict(q) for q in found]})
+        runs.append([Quality(**q) for q in json.loads(path.read_text())["sources"]])
+    return runs
+
+
+def qualities(model: str, split: str, steps: Steps, lidar: np.ndarray | None) -> list[Quality]:
+    """Judge the predictor of a run of ours, and the LiDAR where its probabilities are known.
+
+    Args:
+        model, split: of the run.
+        steps: with its own prediction.
         lidar: float32 [S], by state of the test scenes.
     """
-    sources = {"RGB predictor": [t.p_hat.astype(float) for t in tested]}
+    own = steps.p_hat.astype(float)
+    sources = {"RGB predictor": own}
     if lidar is not None:
-        given = [lidar[t.states].astype(float) for t in tested]
-        own = sources["RGB predictor"]
-        sources["LiDAR"] = given
-        sources["the larger"] = [np.maximum(*two) for two in zip(given, own, strict=True)]
-    found = []
-    for source, by_seed in sources.items():
-        figures = np.mean(
-            [_figures(p, t.blocked) for p, t in zip(by_seed, tested, strict=True)], axis=0
+        given = lidar[steps.states].astype(float)
+        sources |= {"LiDAR": given, "the larger": np.maximum(given, own)}
+    blocked = float(steps.blocked.mean())
+    return [
+        Quality(source, model, split, len(own), blocked, *_figures(p, steps.blocked))
+        for source, p in sources.items()
+    ]
+
+
+def over_runs(found: Sequence[Sequence[Quality]]) -> list[Quality]:
+    """Means over runs, source by source."""
+    return [
+        replace(
+            same[0],
+            steps=sum(q.steps for q in same),
+            **{name: float(np.mean([getattr(q, name) for q in same])) for name in FIGURES},
         )
-        blocked = float(np.mean([t.blocked.mean() for t in tested]))
-        steps = sum(len(t.blocked) for t in tested)
-        found.append(Quality(source, model, split, steps, blocked, *map(float, figures)))
-    return found
+        for same in zip(*found, strict=True)
+    ]
 
 
 def _figures(p: np.ndarray, blocked: np.ndarray) -> tuple[float, float, float]:
     ones, base = np.ones(len(p)), blocked.mean()
     skill = 1 - rel.brier(p, blocked, ones) / (base * (1 - base))
-    return rel.auc(p, blocked, ones), rel.calibration_error(p, blocked, within=rel.EVERY), skill
+    auc, ece = rel.auc(p, blocked, ones), rel.calibration_error(p, blocked, within=rel.EVERY)
+    return float(auc), float(ece), float(skill)
 
 
 def as_markdown(found: Sequence[Quality]) -> str:

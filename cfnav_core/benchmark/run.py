@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from cfnav_core.benchmark.command import Benchmark
@@ -13,7 +11,7 @@ from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Places, jobs_of
 from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
-from cfnav_core.benchmark.predictor import Quality, as_markdown, qualities
+from cfnav_core.benchmark.predictor import judge_predictors
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
 from cfnav_core.benchmark.runs import write_runs
 from cfnav_core.benchmark.stamps import check_rooms
@@ -22,8 +20,7 @@ from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import WORDS, KnowledgeCommand
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.run_files import BEST
-from cfnav_core.scenes import has_lidar, lidar_of, open_scenes
-from cfnav_core.whole import write_file
+from cfnav_core.scenes import lidar_of, open_scenes
 
 PATHS = 3
 """Episodes in the path figure."""
@@ -121,30 +118,6 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
     return list(wanted)
 
 
-def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
-    """Write and print how good the probabilities are that every row of ours in Table I was given.
-
-    The LiDAR's are judged beside them where the test rooms were scanned.
-    """
-    found: list[Quality] = []
-    for row in rows:
-        if (row.table, row.method) != ("I", "ours"):
-            continue
-        tested = bench.tested(row)
-        names = sorted({str(room) for room in tested[0].rooms})
-        scanned = has_lidar(bench.places.scenes, names)
-        lidar = lidar_of(bench.places.scenes, names) if scanned else None
-        found += qualities(NAMES[row.model], row.split, tested, lidar)
-    if found:
-        path = results / "predictor.json"
-        kept = json.loads(path.read_text()) if path.exists() else []
-        every = {(q.source, q.model, q.split): q for q in (*(Quality(**q) for q in kept), *found)}
-        page = as_markdown(list(every.values()))
-        write_file(results / "predictor.md", page)
-        write_file(path, json.dumps([asdict(q) for q in every.values()], indent=1))
-        print(f"Collision probabilities\n\n{page}")
-
-
 def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     """Draw the learning curves of Tables II and III and the paths, as far as their rows are there.
 
@@ -170,6 +143,9 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
         before, after = (
             bench.job(row, 0).options(bench.places).out / BEST for row in (ours.reference, ours)
         )
+        if not (before.exists() and after.exists()):
+            print("no picture of paths: the weights of seed 0 are not here")
+            return
         frozen = bench.test(ours).frozen
         pairs = find_pairs(before, after, bench.places.scenes, frozen, PATHS)
         if pairs:

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from cfnav_core.benchmark.jobs import Job, Places
-from cfnav_core.checkpoint import load_tensors
-from cfnav_core.run_files import BEST, LOG
+from cfnav_core.benchmark.work import DONE
+from cfnav_core.run_files import LOG
 from cfnav_core.whole import write_file
 
 RUNS = "runs.csv"
@@ -45,18 +45,18 @@ class Trained:
 
     @classmethod
     def read(cls, job: Job, places: Places) -> Trained:
-        """From the log and the best checkpoint of a run.
+        """From what a run left beside its weights.
 
         Raises:
             FileNotFoundError: the run was not made.
         """
         folder = job.options(places).out
         last = json.loads((folder / LOG).read_text().splitlines()[-1])
-        _, head = load_tensors(folder / BEST)
+        done = json.loads((folder / DONE).read_text())
         return cls(
-            job.name, job.split, job.model, job.method, job.seed, job.hash, head["commit"],
+            job.name, job.split, job.model, job.method, job.seed, job.hash, done["commit"],
             last["episodes"], last["steps"], round(last["cpu_s"]),
-            round(last["sr"], 4), round(last["cf_sr"], 4), round(head["best"], 4),
+            round(last["sr"], 4), round(last["cf_sr"], 4), round(done["validation_cf_sr"], 4),
         )  # fmt: skip
 
 

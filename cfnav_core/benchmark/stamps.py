@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -12,15 +12,12 @@ from cfnav_core.benchmark.jobs import Places
 from cfnav_core.json_file import write_json
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.rooms import parse_room, parse_rooms, room_folder
-from cfnav_core.scene import LIDAR, SCENE, SceneError
+from cfnav_core.scene import LIDAR, SceneError, read_head
 
 ROOMS = "rooms.json"
 
-REMEDY = {
-    SCENE: "make the rooms with python -m sim_bridge.dataset --out SCENES",
-    LIDAR: "make it with python -m sim_bridge.scans SCENES, then python -m cfnav_ros.lidar_states "
-    "SCENES",
-}
+LAST_BITS = ("features", "detections")
+"""Arrays of a scene whose last bits are the machine's: the same perception made them."""
 
 
 def check_rooms(places: Places, splits: Iterable[str]) -> None:
@@ -34,7 +31,7 @@ def check_rooms(places: Places, splits: Iterable[str]) -> None:
     noted = json.loads(path.read_text()) if path.exists() else {}
     for split in splits:
         rooms = parse_rooms([f"{split}:train", f"{split}:validation"])
-        now = _digest(places.scenes, tuple(rooms), SCENE)
+        now = _digest(places.scenes, tuple(rooms), _scene)
         if noted.setdefault(split, now) != now:
             raise ValueError(
                 f"found rooms of {split} in {places.scenes} that are not those in which the runs "
@@ -51,20 +48,34 @@ def made_of(scenes: Path, frozen: Path, lidar: bool) -> str:
         SceneError: a room is not there, or what the LiDAR says in it.
     """
     rooms = tuple(sorted({parse_room(start.scene) for start in read_episodes(frozen)}))
-    parts = [frozen.read_bytes().hex(), _digest(scenes, rooms, SCENE)]
+    parts = [frozen.read_bytes().hex(), _digest(scenes, rooms, _scene)]
     if lidar:
-        parts.append(_digest(scenes, rooms, LIDAR))
+        parts.append(_digest(scenes, rooms, _lidar))
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:8]
 
 
-def _digest(scenes: Path, rooms: tuple[tuple[str, int], ...], name: str) -> str:
+def _digest(
+    scenes: Path, rooms: Iterable[tuple[str, int]], content: Callable[[Path], bytes]
+) -> str:
     found = hashlib.sha256()
     for kind, seed in rooms:
-        try:
-            found.update((room_folder(scenes, kind, seed) / name).read_bytes())
-        except OSError as error:
-            raise SceneError(
-                f"found no readable {name} of {kind}:{seed} in {scenes} ({error.strerror}); "
-                f"{REMEDY[name]}"
-            ) from error
+        found.update(content(room_folder(scenes, kind, seed)))
     return found.hexdigest()
+
+
+def _scene(folder: Path) -> bytes:
+    """What a room is, what made its pictures, and which perception saw them."""
+    head = read_head(folder)
+    for name in LAST_BITS:
+        head["sha256"].pop(name, None)
+    return json.dumps(head, sort_keys=True).encode()
+
+
+def _lidar(folder: Path) -> bytes:
+    try:
+        return (folder / LIDAR).read_bytes()
+    except OSError as error:
+        raise SceneError(
+            f"found no readable {LIDAR} in {folder} ({error.strerror}); make it with "
+            f"python -m sim_bridge.scans SCENES, then python -m cfnav_ros.lidar_states SCENES"
+        ) from error

@@ -57,9 +57,13 @@ class Bench:
         Raises:
             FileNotFoundError: a run was not tested yet.
         """
+        return [Tested.load(path) for path in self.results(row)]
+
+    def results(self, row: Row) -> list[Path]:
+        """Files of a row's results by seed."""
         file = self.test(row).file
         runs = (self.job(row, seed) for seed in range(self.seeds))
-        return [Tested.load(run.options(self.places).out / file) for run in runs]
+        return [run.options(self.places).out / file for run in runs]
 
 
 def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
@@ -135,13 +139,12 @@ def _measured(found: Sequence[Tested]) -> dict[str, Any]:
         "sr_mean": float(np.mean([t.success for t in found])),
         "collisions_mean": float(np.mean([t.collisions for t in found])),
         "seeds": len(found), "episodes": len(found[0].success),
-        "commit": _commits(found),
+        "commit": _all({t.commit for t in found}), "tested_at": _all({t.tested_at for t in found}),
     }  # fmt: skip
 
 
-def _commits(found: Sequence[Tested]) -> str:
-    trained, tested = ({t.commit for t in found}, {t.tested_at for t in found})
-    return f"{', '.join(sorted(trained))}, tested at {', '.join(sorted(tested))}"
+def _all(commits: set[str]) -> str:
+    return ", ".join(sorted(commits))
 
 
 def _difference(found: Sequence[np.ndarray], plain: Sequence[np.ndarray]) -> np.ndarray:

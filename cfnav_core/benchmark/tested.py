@@ -53,9 +53,6 @@ class Tested:
         success: bool [N]. collisions: int64 [N].
         path: float64 [N], actions, Done included. shortest: float64 [N].
         rooms: [N], names of the rooms.
-        p_hat: float16 [M], what the policy was given at every step of every episode.
-        blocked: bool [M], MoveAhead would have collided there.
-        states: int32 [M], where that was, see ``SceneBank``.
         commit: of the code that trained it. tested_at: of the code that tested it.
         identity: of the episodes.
     """
@@ -65,9 +62,6 @@ class Tested:
     path: np.ndarray
     shortest: np.ndarray
     rooms: np.ndarray
-    p_hat: np.ndarray
-    blocked: np.ndarray
-    states: np.ndarray
     commit: str
     tested_at: str
     identity: str
@@ -92,6 +86,36 @@ class Tested:
         )
 
 
+@dataclass(frozen=True)
+class Steps:
+    """Every step of every episode of a test.
+
+    Attributes:
+        p_hat: float16 [M], what the policy was given.
+        blocked: bool [M], MoveAhead would have collided.
+        states: int32 [M], where that was, see ``SceneBank``.
+    """
+
+    p_hat: np.ndarray
+    blocked: np.ndarray
+    states: np.ndarray
+
+    @classmethod
+    def load(cls, result: Path) -> Steps:
+        """Those beside a test's results.
+
+        Raises:
+            FileNotFoundError: they were not kept.
+        """
+        with np.load(steps_of(result), allow_pickle=False) as file:
+            return cls(**file)
+
+
+def steps_of(result: Path) -> Path:
+    """The file of a test's steps."""
+    return result.with_suffix(".steps.npz")
+
+
 def run_test(test: FrozenTest, folder: Path, scenes: Path) -> None:
     """Test a run's best checkpoint.
 
@@ -108,14 +132,20 @@ def run_test(test: FrozenTest, folder: Path, scenes: Path) -> None:
 
 
 def save(found: Evaluation, path: Path) -> None:
-    """Write an evaluation for ``Tested.load``.
+    """Write an evaluation for ``Tested.load``, and its steps, if it kept them, for ``Steps.load``.
 
     Raises:
         WriteError: the results cannot be written.
     """
     results = found.results
-    states = np.concatenate([[], *(step.states for step in found.trace)]).astype(np.int32)
-    heard = np.concatenate([[], *(step.p_hat for step in found.trace)])
+    if found.trace:
+        states = np.concatenate([step.states for step in found.trace]).astype(np.int32)
+        heard = np.concatenate([step.p_hat for step in found.trace]).astype(np.float16)
+        of = steps_of(path)
+        with writing(of), whole(of) as partial, partial.open("wb") as file:
+            np.savez_compressed(
+                file, p_hat=heard, blocked=found.bank.collided[states], states=states
+            )
     with writing(path), whole(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
             file,
@@ -124,9 +154,6 @@ def save(found: Evaluation, path: Path) -> None:
             path=np.array([r.path_length for r in results]),
             shortest=np.array([r.shortest_path_length for r in results]),
             rooms=found.rooms,
-            p_hat=heard.astype(np.float16),
-            blocked=found.bank.collided[states],
-            states=states,
             commit=np.array(found.what["commit"]),
             tested_at=np.array(commit()),
             identity=np.array(found.episodes.identity(found.bank)),

@@ -19,10 +19,12 @@ import torch
 
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.tested import FrozenTest, run_test
+from cfnav_core.checkpoint import load_tensors
 from cfnav_core.json_file import write_json
 from cfnav_core.train import train
 
 DONE = "done.json"
+"""In a run's folder: the hash of its configuration, its commit, and what its checkpoint reached."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,9 @@ class Task:
             return
         options = self.job.options(self.places)
         options = replace(options, device=self.device, precision=self.precision)  # type: ignore[arg-type]
-        best = train(options)
-        write_json(self.result, {"config_hash": self.job.hash, "best": best.name})
+        _, head = load_tensors(train(options))
+        reached = {"commit": head["commit"], "validation_cf_sr": head["best"]}
+        write_json(self.result, {"config_hash": self.job.hash} | reached)
 
 
 @contextmanager

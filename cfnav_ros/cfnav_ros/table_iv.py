@@ -146,13 +146,15 @@ def run(config: TableIV) -> None:
     ways = WAYS if config.own else PAPERS
     if unknown := set(config.only) - {way.method for way in ways}:
         raise ValueError(f"found no row of {', '.join(sorted(unknown))} in Table IV")
-    driven = [w for w in ways if not config.only or w.method in config.only]
-    for way in driven:
-        for seed in range(config.seeds):
-            BundleHead.load(_bundle(config, way, seed))
-    for way in driven:
-        for seed in range(config.seeds):
-            _drive(config, way, seed)
+    asked = [
+        (way, seed)
+        for way in ways if not config.only or way.method in config.only
+        for seed in range(config.seeds)
+    ]  # fmt: skip
+    missing = {drive: _missing(config, *drive) for drive in asked}
+    for (way, seed), trials in missing.items():
+        if trials:
+            _drive(config, way, seed, trials)
     if not config.only:
         _write(config, ways)
 
@@ -166,21 +168,30 @@ def _file(config: TableIV, way: Way, seed: int) -> Path:
     return config.out / f"{way.key}_seed{seed}_{each}.jsonl"
 
 
-def _drive(config: TableIV, way: Way, seed: int) -> None:
-    """Drive the trials of a row and a training seed that were not driven yet."""
+def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
+    """The trials of a row and a training seed that were not driven yet.
+
+    Its bundle is needed only when there are any.
+    """
+    path, bundle = _file(config, way, seed), _bundle(config, way, seed)
+    rows = read_rows(path)
+    there = {Trial(**row["trial"]) for row in rows}
+    missing = [t for t in trials_of(config.trials // config.seeds, seed) if t not in there]
+    if missing or bundle.exists():
+        other = {row["bundle"] for row in rows} - {identity_of(bundle)}
+        if other:
+            raise OSError(f"{path} holds trials of another bundle ({other.pop()}); remove it")
+    return missing
+
+
+def _drive(config: TableIV, way: Way, seed: int, missing: Sequence[Trial]) -> None:
+    """Drive trials of a row and a training seed, and add them to its file."""
     # here, so that the command answers at once to --help and to arguments that make no sense
     from cfnav_ros.graph import Graph, GraphConfig
 
     path, bundle = _file(config, way, seed), _bundle(config, way, seed)
-    identity = identity_of(bundle)
-    rows = read_rows(path)
-    write_rows(path, rows)
-    if other := {row["bundle"] for row in rows} - {identity}:
-        raise OSError(f"{path} holds trials of another bundle ({other.pop()}); remove it")
-    there = {Trial(**row["trial"]) for row in rows}
-    missing = [t for t in trials_of(config.trials // config.seeds, seed) if t not in there]
-    if not missing:
-        return
+    write_rows(path, read_rows(path))
+    said = {"bundle": identity_of(bundle), "run": run_of(bundle), "commit": commit()}
     print(f"{way.name}, training seed {seed}: {len(missing)} trials", flush=True)
     graph_config = GraphConfig(
         room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
@@ -196,14 +207,27 @@ def _drive(config: TableIV, way: Way, seed: int) -> None:
             if graph.map is not None:
                 _keep_map(config.out, trial.room, graph.map)
             track = [(round(x, 3), round(y, 3), n) for x, y, n in graph.track]
-            about = {"trial": asdict(trial), "bundle": identity, "commit": commit()}
-            append_row(path, {**about, **asdict(outcome), "track": track})
+            append_row(path, {"trial": asdict(trial), **said, **asdict(outcome), "track": track})
 
 
 def identity_of(bundle: Path) -> str:
     """Of a bundle: hash of all its networks and their weights."""
     files = json.dumps(BundleHead.load(bundle).files, sort_keys=True)
     return hashlib.sha256(files.encode()).hexdigest()[:16]
+
+
+def run_of(bundle: Path) -> dict[str, str]:
+    """The training run that a bundle came from.
+
+    Returns:
+        preset and config_hash, empty when it is that of no preset, and the code's commit.
+    """
+    training = BundleHead.load(bundle).training
+    job = Job.of(training)
+    return {
+        "preset": job.preset if job else "", "config_hash": job.hash if job else "",
+        "commit": training.get("commit", "unknown"),
+    }  # fmt: skip
 
 
 def _keep_map(out: Path, room: str, message: Any) -> None:
@@ -243,14 +267,13 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         gain = cf_success - _rates(driven[plain], "cf_success")
         sr_gain = success - _rates(driven[plain], "success")
     rooms = np.array([row["room"] for row in rows[0]])
-    head = BundleHead.load(_bundle(config, way, 0))
-    run = Job.of(head.training)
+    runs = [of_seed[0]["run"] for of_seed in rows]
     cf_sr, spl = over_seeds(cf_success), over_seeds(cf_spl)
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
     return Figures(
         table="IV", row=way.name, model="tdanet", method=way.method,
         split=f"{config.trials} live trials",
-        p_hat=way.p_hat, veto=way.veto, preset=run.preset if run else "",
+        p_hat=way.p_hat, veto=way.veto, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_cf_spl=None,
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),
@@ -265,8 +288,8 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         sr_gain_ci95=None if sr_gain is None else interval_of_trials(sr_gain, rooms),
         over_own=None, over_own_ci95=None,
         command=shlex.join(["python", "-m", "cfnav_ros.trials", *sys.argv[1:]]),
-        config_hash=run.hash if run else "",
-        commit=f"{head.training.get('commit', 'unknown')}, driven at {', '.join(commits)}",
+        config_hash=runs[0]["config_hash"],
+        commit=", ".join(sorted({run["commit"] for run in runs})), tested_at=", ".join(commits),
     )  # fmt: skip
 
 

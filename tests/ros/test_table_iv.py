@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cfnav_ros.json_lines import append_row
-from cfnav_ros.table_iv import GOALS, PAPERS, ROOMS, TableIV, identity_of, run, trials_of
+from cfnav_ros.table_iv import GOALS, PAPERS, ROOMS, TableIV, identity_of, run, run_of, trials_of
 from PIL import Image
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode
@@ -19,7 +19,7 @@ from sim_bridge.room import generate_room, parse_room
 from sim_bridge.world import World
 
 from cfnav_core.actions import Action
-from cfnav_core.bundle import shipped_bundle
+from cfnav_core.bundle import BundleError, shipped_bundle
 from cfnav_core.checkpoint import load_tensors, save_tensors
 from cfnav_core.export import export_bundle
 from tests.core.model_samples import save_fresh
@@ -61,11 +61,12 @@ def put_bundle(place: Path, actions: list[Action]) -> None:
 
 def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
     """Write down fifteen trials as if they had been driven."""
-    bundle = identity_of(config.bundles / f"{method}_seed0")
+    bundle = config.bundles / f"{method}_seed0"
+    said = {"bundle": identity_of(bundle), "run": run_of(bundle), "commit": "abc"}
     for n, trial in enumerate(trials_of(15, 0)):
         good = n < successes
         append_row(path, {
-            "trial": trial.__dict__, "bundle": bundle, "commit": "abc", "goal": trial.goal,
+            "trial": trial.__dict__, **said, "goal": trial.goal,
             "room": trial.room, "outcome": "done", "success": good, "collisions": int(not good),
             "cf_success": good, "steps": 9, "path_length_m": 4.0, "shortest_path_m": 2.0,
             "track": [(1.0, 1.0, 0), (2.0, 1.5, int(not good))],
@@ -98,6 +99,13 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     run(config)
     again = json.loads((config.out / "summary.json").read_text())["rows"]
     assert again == rows
+    # what was driven says all that the table needs
+    shutil.rmtree(bundles)
+    run(config)
+    assert json.loads((config.out / "summary.json").read_text())["rows"] == rows
+    (config.out / "ours_seed0_15.jsonl").unlink()
+    with pytest.raises(BundleError, match="ours_seed0"):
+        run(config)
 
 
 def test_bundles_of_one_network_are_told_apart_by_their_weights(tmp_path: Path) -> None:

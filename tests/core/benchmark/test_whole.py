@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -163,7 +164,7 @@ def test_runs_of_other_rooms_are_not_gone_on_with(options: Benchmark, found) -> 
 
 
 def test_missing_rooms_are_told_in_a_sentence(options: Benchmark, tmp_path) -> None:
-    with pytest.raises(SceneError, match=r"found no readable scene\.json of kitchen:0 .* make the"):
+    with pytest.raises(SceneError, match=r"found no readable scene in .* make it again"):
         run_benchmark(replace(options, scenes=tmp_path / "none", out=tmp_path / "grid"), "")
 
 
@@ -178,12 +179,37 @@ def test_tests_of_other_episodes_rooms_or_lidar_do_not_count(options: Benchmark,
     first = made()
     assert made() == first
     both, one = (True, True), (False, True)
-    for path, changes in ((frozen, both), (room / SCENE, both), (room / LIDAR, one)):
+    head = json.loads((room / SCENE).read_text())
+    sums = head["sha256"]
+    for path, new, changes in (
+        (frozen, frozen.read_bytes() + b" ", both),
+        (room / LIDAR, (room / LIDAR).read_bytes() + b" ", one),
+        (room / SCENE, with_head(head, source="another"), both),
+        (room / SCENE, with_head(head, sha256=sums | {"collided": "0"}), both),
+        (room / SCENE, with_head(head, sha256=sums | {"features": "0"}), (False, False)),
+    ):
         content = path.read_bytes()
-        path.write_bytes(content + b" ")
+        path.write_bytes(new)
         assert tuple(a != b for a, b in zip(made(), first, strict=True)) == changes
         path.write_bytes(content)
     assert made() == first
+
+
+def with_head(head: dict[str, object], **changes: object) -> bytes:
+    return json.dumps(head | changes).encode()
+
+
+def test_a_grid_without_weights_gives_the_same_tables(options: Benchmark, found, tmp_path) -> None:
+    away = shutil.ignore_patterns("*.safetensors", "*.steps.npz", "*.lock", "*.log", "*.task.json")
+    copy = tmp_path / "grid"
+    shutil.copytree(options.out / "runs", copy / "runs", ignore=away)
+    shutil.copy(options.out / "rooms.json", copy)
+    again = replace(options, out=copy, ray="")
+    run_benchmark(again, "cfnav benchmark I own")
+    assert rows_of(again) == found
+    for name in ("runs.csv", "predictor.json", "table_I.md"):
+        assert (copy / name).read_text() == (options.out / name).read_text()
+    assert not list(copy.glob("runs/*/*.safetensors"))
 
 
 def test_a_grid_that_is_told_to_stop_leaves_nothing_behind(options: Benchmark, tmp_path) -> None:
