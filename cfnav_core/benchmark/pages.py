@@ -99,6 +99,8 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
     page = as_markdown(rows)
     if table == "IV":
         return f"{page}\nCF-SPL is of metres here, of actions in the other tables.\n"
+    if table == "I":
+        page += "".join(f"\n{line}\n" for line in _mean_gains(rows))
     ours = {(r.config_hash, r.seeds, r.commit) for r in rows if r.method == "ours"}
     given = [
         r for r in kept
@@ -107,6 +109,24 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
     if table == "own" or not given:
         return page
     return f"{page}\nThe same policies, given another probability:\n\n{as_markdown(given)}"
+
+
+def _mean_gains(rows: Sequence[Figures]) -> list[str]:
+    """A sentence for each split, over the models whose gain the paper reports too."""
+    lines = []
+    for split in dict.fromkeys(row.split for row in rows):
+        both = [
+            (row.gain, row.paper_gain) for row in rows
+            if row.split == split and row.gain is not None and row.paper_gain is not None
+        ]  # fmt: skip
+        if both:
+            ours, papers = (sum(gains) / len(both) for gains in zip(*both, strict=True))
+            of = "1 model" if len(both) == 1 else f"{len(both)} models"
+            lines.append(
+                f"Mean gain in CF-SR on {split}, {of}: {_signed(ours)} points; "
+                f"the paper's of the same: {_signed(papers)}."
+            )
+    return lines
 
 
 def read_summary(out: Path) -> list[Figures]:

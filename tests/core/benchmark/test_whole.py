@@ -86,6 +86,8 @@ def test_csv_and_pages_say_the_same(options: Benchmark, found) -> None:
     assert float(table[1]["cf_sr_mean"]) == found["ours (MJOLNIR-r)"]["cf_sr_mean"]
     page = (options.out / "table_I.md").read_text()
     assert "| data2 | ours (MJOLNIR-r) | 55.8 |" in page
+    gain = 100 * float(str(found["ours (MJOLNIR-r)"]["gain"]))
+    assert f"on data2, 1 model: {gain:+.1f} points; the paper's of the same: +8.6." in page
     below = page.split("given another probability")[1]
     assert below.count("| data2 | ours (MJOLNIR-r), ") == 3
     assert "| data2 | ours (MJOLNIR-r), the true flag for p_hat |" in below
