@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -34,6 +33,7 @@ from cfnav_core.ranks import Ranks
 from cfnav_core.run_files import CHECKPOINT, LOG
 from cfnav_core.scene_check import not_finite
 from cfnav_core.scenes import scene_names
+from cfnav_core.source import commit
 from cfnav_core.whole import write_file, writing
 
 
@@ -263,12 +263,3 @@ class Run:
         """Alg. 1: stage one while E < E_1, stage two from then on."""
         first = self.episodes < self.hp.stage1_episodes
         return self.method.stage1 if first else self.method.stage2
-
-
-def commit() -> str:
-    """Commit of the source tree, "unknown" outside a checkout."""
-    answer = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return answer.stdout.strip() or "unknown"

@@ -40,10 +40,10 @@ python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials"
 for ((seed = 0; seed < seeds; seed++)); do
   (
     cd "$out"
-    find grid/rooms.json grid/runs/*_seed"${seed}"_* grid/random_"${seed}"_* \
+    find grid/rooms.json grid/tests.json grid/runs/*_seed"${seed}"_* grid/random_"${seed}"_* \
       trials/maps trials/*_seed"${seed}"_*.jsonl -type f \
       ! -name '*.safetensors' ! -name '*.steps.npz' ! -name '*.task.json' ! -name '*.lock' \
-      ! -name '*.log' -print | sort
+      ! -name '*.log' ! -name 'events.out.*' -print | sort
   ) | tar -C "$out" --files-from=- --mtime=@0 --owner=0 --group=0 --numeric-owner -c \
     | gzip -n > "$results/seed$seed.tar.gz"
 done

@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from cfnav_ros.demo import commit
 from cfnav_ros.processes import GraphError
 
 from cfnav_core.json_file import write_json
+from cfnav_core.source import commit
 
 Part = Callable[[], dict[str, Any]]
 """Measures and gives the figures that it adds."""

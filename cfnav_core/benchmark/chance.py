@@ -12,7 +12,7 @@ from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes, Evaluation, run_episodes
 from cfnav_core.networks import AgentState, Sight
 from cfnav_core.published.start_states import read_episodes
-from cfnav_core.run import commit
+from cfnav_core.source import commit
 
 
 class Uniform:

@@ -42,6 +42,8 @@ class Benchmark:
     """Only rows of this model, given as often as needed."""
     train_only: bool = False
     """Leave the test rooms alone."""
+    recorded: bool = False
+    """Make tables and curves of results that are there, without rooms and weights."""
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     """Tasks side by side on this machine."""
     ray: str = ""

@@ -47,9 +47,10 @@ class Curve:
         """
         lines = _log(job, places)
         if job.stage1:
-            until = job.config.hyperparameters.stage1_episodes
-            before = [line for line in _log(job.stage1, places) if line["episodes"] <= until]
-            lines = before + lines
+            hp = job.config.hyperparameters
+            # the round that ends stage one is the last of it, however many episodes ended in it
+            until = hp.stage1_episodes + hp.batch * hp.rollout_length
+            lines = [s for s in _log(job.stage1, places) if s["episodes"] < until] + lines
         return cls(
             np.array([line["episodes"] for line in lines]),
             {name: np.array([line[name] for line in lines]) for name in PANELS},

@@ -95,8 +95,9 @@ class Job:
     @classmethod
     def of_row(cls, row: Row, seed: int, preset: PresetName, perception: str) -> Job:
         """A run of a row."""
-        longer = row.longer and not METHODS[row.method].stage1.collision_penalty
-        return cls(row.model, row.method, row.split, seed, preset, perception, longer)
+        ordinary = cls(row.model, row.method, row.split, seed, preset, perception)
+        longer = replace(ordinary, longer=True)
+        return longer if row.longer and longer.config != ordinary.config else ordinary
 
     @classmethod
     def of(cls, training: dict[str, Any]) -> Job | None:

@@ -27,9 +27,11 @@ class Figures:
     Attributes:
         cf_sr_std, cf_spl_std: over seeds, None for one seed.
         preset: of sizes and numbers.
+        sample: actions were drawn.
         gain: mean CF-SR minus that of the row it is compared with, paired by seed and episode.
-        gain_ci95: 95 % interval over seeds and rooms.
+        gain_ci95: 95 % interval over seeds and rooms. gain_by_seed: its mean for each.
         over_own: mean CF-SR minus that of the same policies with their own p_hat, without veto.
+        long_cf_sr_mean, long_gain: over the episodes that take five actions or more.
         command: that made the row.
         config_hash: of the runs' configuration, seed 0.
         commit: of the code that trained them. tested_at: of the code that tested or drove them.
@@ -43,9 +45,6 @@ class Figures:
     p_hat: str
     veto: bool
     preset: str
-    paper_cf_sr: float | None
-    paper_cf_spl: float | None
-    paper_gain: float | None
     cf_sr_mean: float
     cf_sr_std: float | None
     cf_spl_mean: float
@@ -54,16 +53,25 @@ class Figures:
     collisions_mean: float
     seeds: int
     episodes: int
-    gain: float | None
-    gain_ci95: tuple[float, float] | None
-    sr_gain: float | None
-    sr_gain_ci95: tuple[float, float] | None
-    over_own: float | None
-    over_own_ci95: tuple[float, float] | None
     command: str
     config_hash: str
     commit: str
     tested_at: str
+    sample: bool = False
+    paper_cf_sr: float | None = None
+    paper_cf_spl: float | None = None
+    paper_gain: float | None = None
+    gain: float | None = None
+    gain_ci95: tuple[float, float] | None = None
+    gain_by_seed: tuple[float, ...] | None = None
+    sr_gain: float | None = None
+    sr_gain_ci95: tuple[float, float] | None = None
+    over_own: float | None = None
+    over_own_ci95: tuple[float, float] | None = None
+    long_episodes: int | None = None
+    long_cf_sr_mean: float | None = None
+    long_gain: float | None = None
+    long_gain_ci95: tuple[float, float] | None = None
 
 
 def write_tables(found: Sequence[Figures], out: Path) -> None:
@@ -101,6 +109,8 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
         return f"{page}\nCF-SPL is of metres here, of actions in the other tables.\n"
     if table == "I":
         page += "".join(f"\n{line}\n" for line in _mean_gains(rows))
+    if long := [row for row in rows if row.long_episodes]:
+        page += f"\nEpisodes that take five actions or more:\n\n{long_as_markdown(long)}"
     ours = {(r.config_hash, r.seeds, r.commit) for r in rows if r.method == "ours"}
     given = [
         r for r in kept
@@ -162,9 +172,9 @@ def as_csv(rows: Sequence[Figures]) -> str:
     table.writeheader()
     for row in rows:
         values = asdict(row)
-        for name in ("gain_ci95", "sr_gain_ci95", "over_own_ci95"):
-            ends = values[name]
-            values[name] = "" if ends is None else f"{ends[0]:.4f} {ends[1]:.4f}"
+        for name, value in values.items():
+            if isinstance(value, (tuple, list)):
+                values[name] = " ".join(f"{x:.4f}" for x in value)
         table.writerow(values)
     return text.getvalue()
 
@@ -185,6 +195,17 @@ def as_markdown(rows: Sequence[Figures]) -> str:
             _change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
         )  # fmt: skip
         lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def long_as_markdown(rows: Sequence[Figures]) -> str:
+    """The same rows over the longer episodes, percent."""
+    lines = ["| data | row | episodes a seed | CF-SR | gain [95 %] |", "|" + "---|" * 5]
+    lines += [
+        f"| {r.split} | {r.row} | {r.long_episodes:,} | {_percent(r.long_cf_sr_mean)} "
+        f"| {_change(r.long_gain, r.long_gain_ci95)} |"
+        for r in rows
+    ]
     return "\n".join(lines) + "\n"
 
 

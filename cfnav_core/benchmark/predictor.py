@@ -16,9 +16,10 @@ import numpy as np
 from cfnav_core import calibration as rel
 from cfnav_core.benchmark.rows import NAMES, Row
 from cfnav_core.benchmark.tables import Bench
-from cfnav_core.benchmark.tested import Steps
+from cfnav_core.benchmark.tested import Steps, Tested
 from cfnav_core.json_file import write_json
-from cfnav_core.scenes import has_lidar, lidar_of
+from cfnav_core.scene import LIDAR
+from cfnav_core.scenes import lidar_of
 from cfnav_core.whole import write_file
 
 FIGURES = ("blocked", "auc", "ece", "skill")
@@ -58,7 +59,7 @@ def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
         results: folder that gets ``predictor.json`` and ``predictor.md``.
 
     Raises:
-        FileNotFoundError: a run was not tested yet.
+        ValueError: a run was not tested yet.
         WriteError: the results cannot be written.
     """
     found: list[Quality] = []
@@ -78,14 +79,14 @@ def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
 
 def _judged(row: Row, bench: Bench) -> list[list[Quality]]:
     """By run; kept beside a run's results, as its steps are large."""
-    names = sorted({str(room) for room in bench.tested(row)[0].rooms})
-    scanned = has_lidar(bench.places.scenes, names)
-    lidar = lidar_of(bench.places.scenes, names) if scanned else None
+    scanned = f"{row.split} {LIDAR}" in bench.made.tests
     of = bench.frozen(row.split, "lidar" if scanned else "own").made_of
     runs = []
     for result in bench.results(row):
         path = result.with_suffix(f".predictor_{of}.json")
         if not path.exists():
+            names = sorted(set(Tested.load(result).rooms.tolist()))
+            lidar = lidar_of(bench.places.scenes, names) if scanned else None
             found = qualities(NAMES[row.model], row.split, Steps.load(result), lidar)
             write_json(path, {"sources": [asdict(q) for q in found]})
         runs.append([Quality(**q) for q in json.loads(path.read_text())["sources"]])

@@ -13,8 +13,8 @@ from cfnav_core.benchmark.grid import POLL_S, start_process
 class RayCluster:
     """Tasks as remote functions, one CPU each."""
 
-    def __init__(self, address: str) -> None:
-        """Join a cluster; "local" starts one on this machine.
+    def __init__(self, address: str, jobs: int) -> None:
+        """Join a cluster; "local" starts one on this machine, of as many workers as ``jobs``.
 
         Raises:
             ModuleNotFoundError: Ray is not installed.
@@ -23,7 +23,10 @@ class RayCluster:
         import ray
 
         self._ray = ray
-        ray.init(address=address, log_to_driver=False, configure_logging=False)
+        ray.init(
+            address=address, log_to_driver=False, configure_logging=False,
+            num_cpus=jobs if address == "local" else None,
+        )  # fmt: skip
         self.slots = int(ray.cluster_resources().get("CPU", 1))
         self._work = ray.remote(num_cpus=1, max_retries=0)(_do)
 

@@ -42,6 +42,7 @@ class Row:
         paper: what the paper says, None for rows of our own.
         p_hat: what the policy is given at test in place of its own prediction.
         veto: the LiDAR may forbid a MoveAhead at test.
+        sample: actions are drawn at test; the most probable ones when not.
         against: method of the row that the gain is over, in the same model and split.
         longer: trained for as many episodes as methods in which collisions cost in stage one, and
             so is what the gain is over.
@@ -57,6 +58,7 @@ class Row:
     veto: bool = False
     against: MethodName | None = None
     longer: bool = False
+    sample: bool = False
 
     @property
     def reads_lidar(self) -> bool:
@@ -118,6 +120,10 @@ TOLD: tuple[PHat, ...] = ("own", "true", "lidar", "both")
 STUDIED: tuple[ModelName, Split] = ("lstde", "data1")
 """What Tables II and III are about."""
 
+DRAWN: tuple[tuple[ModelName, Split], ...] = (("baseline_word", "data2"), ("mjolnir", "data2"))
+"""Models that are published with drawn actions at test; all rows of the paper's tables here take
+the most probable ones."""
+
 DRIVEN: tuple[ModelName, Split] = ("tdanet", "data2")
 """What Table IV drives; its other methods are rows of our own here."""
 
@@ -159,6 +165,8 @@ def _own() -> list[Row]:
             )  # fmt: skip
         rows += [
             Row("own", f"{name}, LiDAR veto", model, "plain", split, veto=True, against="plain"),
+            Row("own", f"ours ({name}), LiDAR veto", model, "ours", split, veto=True,
+                against="plain"),
             Row("own", f"ours ({name}), LiDAR for p_hat and veto", model, "ours", split,
                 p_hat="lidar", veto=True, against="plain"),
         ]  # fmt: skip
@@ -177,6 +185,19 @@ def _own() -> list[Row]:
     return rows
 
 
+def _drawn() -> list[Row]:
+    """Models whose published tests draw actions."""
+    rows = []
+    for model, split in DRAWN:
+        name = NAMES[model]
+        rows += [
+            Row("own", f"{name}, actions drawn", model, "plain", split, sample=True),
+            Row("own", f"ours ({name}), actions drawn", model, "ours", split, against="plain",
+                sample=True),
+        ]  # fmt: skip
+    return rows
+
+
 def _as_long() -> list[Row]:
     """What remains of the differences in Table II when all are trained for as many episodes."""
     model, split = STUDIED
@@ -190,4 +211,6 @@ def _as_long() -> list[Row]:
     ]
 
 
-ROWS: tuple[Row, ...] = (*_table1(), *_studied("II"), *_studied("III"), *_own(), *_as_long())
+ROWS: tuple[Row, ...] = (
+    *_table1(), *_studied("II"), *_studied("III"), *_own(), *_drawn(), *_as_long(),
+)  # fmt: skip

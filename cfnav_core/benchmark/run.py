@@ -8,19 +8,17 @@ from pathlib import Path
 from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.curves import Curve, draw_curves
 from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
-from cfnav_core.benchmark.jobs import Places, jobs_of
+from cfnav_core.benchmark.jobs import Job, Places, jobs_of
 from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
 from cfnav_core.benchmark.predictor import judge_predictors
-from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row
+from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row, Split
 from cfnav_core.benchmark.runs import write_runs
-from cfnav_core.benchmark.stamps import check_rooms
-from cfnav_core.benchmark.tables import Bench, figures_of, figures_of_chance
+from cfnav_core.benchmark.stamps import Made, check_rooms
+from cfnav_core.benchmark.tables import Bench, episodes_of, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import WORDS, KnowledgeCommand
-from cfnav_core.published.start_states import read_episodes
 from cfnav_core.run_files import BEST
-from cfnav_core.scenes import lidar_of, open_scenes
 
 PATHS = 3
 """Episodes in the path figure."""
@@ -42,38 +40,22 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     rows = _chosen(options)
     places = Places(options.scenes.resolve(), options.out.resolve())
     splits = tuple(dict.fromkeys(row.split for row in rows))
-    places.out.mkdir(parents=True, exist_ok=True)
-    check_rooms(places, splits)
-    for split in splits:
-        if not places.knowledge(split).exists():
-            KnowledgeCommand(
-                places.scenes, places.knowledge(split), (f"{split}:train",), text=WORDS
-            ).run_command()
-    perception = open_scenes(places.scenes, ["kitchen:0"])[0].perception
-    bench = Bench(
-        places, options.episodes.resolve(), options.seeds, options.preset, perception, command
-    )
-    if not options.train_only:
-        _check_lidar(rows, bench)
-    jobs = jobs_of(rows, options.seeds, options.preset, perception)
-    executor = _executor(options)
-    try:
-        run_tasks(
-            [Task(j, places, None, options.device, options.precision) for j in jobs], executor
-        )
-        if options.train_only:
-            return []
-        run_tasks(_tests(rows, bench), executor)
-    except GridError as error:
-        raise ValueError(str(error)) from error
-    finally:
-        executor.close()
+    episodes = options.episodes.resolve()
+    made = Made.read(places.out) if options.recorded else _look(options, places, rows, splits)
+    bench = Bench(places, episodes, options.seeds, options.preset, made, command)
+    jobs = jobs_of(rows, options.seeds, options.preset, made.perception)
+    if not options.recorded:
+        _train_and_test(options, jobs, rows, bench)
+    if options.train_only:
+        return []
     found = [figures_of(row, bench, ROWS) for row in rows]
     if "own" in options.tables:
         found += [figures_of_chance(split, bench) for split in splits]
     results = options.results or places.out
     write_tables(found, results)
-    write_runs(jobs, places, results)
+    papers = [row for row in rows if row.table != "own"]
+    of_paper = jobs_of(papers, options.seeds, options.preset, made.perception)
+    write_runs(jobs, of_paper, places, results)
     judge_predictors(rows, bench, results)
     draw_figures(rows, bench, results)
     return found
@@ -92,11 +74,43 @@ def _chosen(options: Benchmark) -> list[Row]:
     return rows
 
 
-def _check_lidar(rows: Sequence[Row], bench: Bench) -> None:
-    """Rather now than after hours of training."""
-    for split in {row.split for row in rows if row.reads_lidar}:
-        starts = read_episodes(bench.frozen(split).frozen)
-        lidar_of(bench.places.scenes, sorted({start.scene for start in starts}))
+def _look(options: Benchmark, places: Places, rows: Sequence[Row], splits: Sequence[Split]) -> Made:
+    """Check and note the rooms, and make what is known of those for training.
+
+    What tests need is missed now rather than after hours of training.
+    """
+    places.out.mkdir(parents=True, exist_ok=True)
+    check_rooms(places, splits)
+    for split in splits:
+        if not places.knowledge(split).exists():
+            KnowledgeCommand(
+                places.scenes, places.knowledge(split), (f"{split}:train",), text=WORDS
+            ).run_command()
+    tested = [] if options.train_only else [row for row in rows if row.reads_lidar]
+    made = Made.of(
+        places.scenes,
+        {split: episodes_of(options.episodes.resolve(), split) for split in splits},
+        {row.split for row in tested},
+    )
+    made.write(places.out)
+    return made
+
+
+def _train_and_test(
+    options: Benchmark, jobs: Sequence[Job], rows: Sequence[Row], bench: Bench
+) -> None:
+    executor = _executor(options)
+    try:
+        run_tasks(
+            [Task(j, bench.places, None, options.device, options.precision) for j in jobs],
+            executor,
+        )
+        if not options.train_only:
+            run_tasks(_tests(rows, bench), executor)
+    except GridError as error:
+        raise ValueError(str(error)) from error
+    finally:
+        executor.close()
 
 
 def _executor(options: Benchmark) -> Executor:
@@ -105,7 +119,7 @@ def _executor(options: Benchmark) -> Executor:
     # few have Ray
     from cfnav_core.benchmark.ray_cluster import RayCluster
 
-    return RayCluster(options.ray)
+    return RayCluster(options.ray, options.jobs)
 
 
 def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:

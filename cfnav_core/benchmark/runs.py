@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -60,11 +60,11 @@ class Trained:
         )  # fmt: skip
 
 
-def write_runs(jobs: Iterable[Job], places: Places, out: Path) -> None:
+def write_runs(jobs: Iterable[Job], papers: Iterable[Job], places: Places, out: Path) -> None:
     """Write a line for each run beside those of other runs, and print what these took.
 
     Args:
-        jobs: trained ones.
+        jobs: trained ones. papers: those that the paper's tables need.
         places: of the grid.
         out: folder that gets the file.
 
@@ -72,13 +72,20 @@ def write_runs(jobs: Iterable[Job], places: Places, out: Path) -> None:
         WriteError: it cannot be written.
     """
     found = [Trained.read(job, places) for job in jobs]
+    of_paper = {job.hash for job in papers}
     path = out / RUNS
     kept = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
-    rows = {row["config_hash"]: row for row in (*kept, *map(asdict, found))}
+    made = {run.config_hash for run in found}
+    rows = [row for row in kept if row["config_hash"] not in made] + [*map(asdict, found)]
     text = io.StringIO()
     table = csv.DictWriter(text, list(asdict(found[0])), lineterminator="\n")
     table.writeheader()
-    table.writerows(rows.values())
+    table.writerows(rows)
     write_file(path, text.getvalue())
-    hours = sum(run.cpu_s for run in found) / 3600
-    print(f"{len(found)} runs took {hours:.1f} processor hours of training ({path})\n")
+    of_tables = [run for run in found if run.config_hash in of_paper]
+    print(f"{_took(found)}, of these those of the paper's tables {_took(of_tables)} ({path})\n")
+
+
+def _took(runs: Sequence[Trained]) -> str:
+    hours = sum(run.cpu_s for run in runs) / 3600
+    return f"{len(runs)} runs took {hours:.1f} processor hours of training"

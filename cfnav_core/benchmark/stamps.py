@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
-from functools import cache
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from cfnav_core.benchmark.jobs import Places
 from cfnav_core.json_file import write_json
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.rooms import parse_room, parse_rooms, room_folder
-from cfnav_core.scene import LIDAR, SceneError, read_head
+from cfnav_core.scene import LIDAR, read_head
+from cfnav_core.scenes import has_lidar, lidar_of
 
-ROOMS = "rooms.json"
+ROOMS, TESTS = "rooms.json", "tests.json"
 
 LAST_BITS = ("features", "detections")
 """Arrays of a scene whose last bits are the machine's: the same perception made them."""
@@ -40,17 +41,65 @@ def check_rooms(places: Places, splits: Iterable[str]) -> None:
     write_json(path, noted)
 
 
-@cache
-def made_of(scenes: Path, frozen: Path, lidar: bool) -> str:
-    """Eight hex digits of what a test is made of: the episodes, their rooms, what the LiDAR says.
+@dataclass(frozen=True)
+class Made:
+    """What the tests of a grid are made of, noted in its folder.
 
-    Raises:
-        SceneError: a room is not there, or what the LiDAR says in it.
+    Attributes:
+        perception: identity of what made the scenes' features.
+        tests: by split, and by split and LIDAR where the LiDAR has a part in the test: eight hex
+            digits of the episodes, their rooms, and what the LiDAR says there.
     """
-    rooms = tuple(sorted({parse_room(start.scene) for start in read_episodes(frozen)}))
-    parts = [frozen.read_bytes().hex(), _digest(scenes, rooms, _scene)]
-    if lidar:
-        parts.append(_digest(scenes, rooms, _lidar))
+
+    perception: str
+    tests: dict[str, str]
+
+    @classmethod
+    def of(cls, scenes: Path, frozen: Mapping[str, Path], lidar: Collection[str]) -> Made:
+        """Look at what there is.
+
+        Args:
+            scenes: folder of the rooms.
+            frozen: files of the test episodes by split.
+            lidar: splits whose LiDAR is needed; that of others is looked at where it is there.
+
+        Raises:
+            SceneError: a room is not there, or what the LiDAR says in it.
+        """
+        perception, tests = "", {}
+        for split, path in frozen.items():
+            rooms = sorted({parse_room(start.scene) for start in read_episodes(path)})
+            episodes = path.read_bytes().hex()
+            seen = _digest(scenes, rooms, _scene)
+            tests[split] = _short(episodes, seen)
+            names = [f"{kind}:{seed}" for kind, seed in rooms]
+            if split in lidar or has_lidar(scenes, names):
+                lidar_of(scenes, names)
+                tests[f"{split} {LIDAR}"] = _short(episodes, seen, _digest(scenes, rooms, _lidar))
+            perception = read_head(room_folder(scenes, *rooms[0]))["perception"]
+        return cls(perception, tests)
+
+    def write(self, out: Path) -> None:
+        """Note it in a grid's folder."""
+        write_json(out / TESTS, asdict(self))
+
+    @classmethod
+    def read(cls, out: Path) -> Made:
+        """What was noted in a grid's folder.
+
+        Raises:
+            ValueError: nothing was.
+        """
+        try:
+            return cls(**json.loads((out / TESTS).read_text()))
+        except (OSError, ValueError, TypeError) as error:
+            raise ValueError(
+                f"found no readable {TESTS} in {out} ({error}); unpack recorded results there, "
+                "or leave --recorded out"
+            ) from error
+
+
+def _short(*parts: str) -> str:
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:8]
 
 
@@ -72,10 +121,4 @@ def _scene(folder: Path) -> bytes:
 
 
 def _lidar(folder: Path) -> bytes:
-    try:
-        return (folder / LIDAR).read_bytes()
-    except OSError as error:
-        raise SceneError(
-            f"found no readable {LIDAR} in {folder} ({error.strerror}); make it with "
-            f"python -m sim_bridge.scans SCENES, then python -m cfnav_ros.lidar_states SCENES"
-        ) from error
+    return (folder / LIDAR).read_bytes()

@@ -14,10 +14,11 @@ from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import Figures
 from cfnav_core.benchmark.presets import PRESETS, PresetName
 from cfnav_core.benchmark.rows import WITH_LIDAR, Row, Split
-from cfnav_core.benchmark.stamps import made_of
+from cfnav_core.benchmark.stamps import Made
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.tested import FrozenTest, Tested
 from cfnav_core.config import PHat
+from cfnav_core.scene import LIDAR
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Bench:
 
     Attributes:
         places: of the grid. episodes: folder of the frozen test episodes.
-        seeds: of each row. preset: of sizes and numbers. perception: of the scenes.
+        seeds: of each row. preset: of sizes and numbers. made: what tests are made of.
         command: that made the rows.
     """
 
@@ -34,28 +35,30 @@ class Bench:
     episodes: Path
     seeds: int
     preset: PresetName
-    perception: str
+    made: Made
     command: str
 
     def job(self, row: Row, seed: int) -> Job:
         """A run of a row."""
-        return Job.of_row(row, seed, self.preset, self.perception)
+        return Job.of_row(row, seed, self.preset, self.made.perception)
 
     def test(self, row: Row) -> FrozenTest:
         """The test of a row."""
-        return self.frozen(row.split, row.p_hat, row.veto)
+        return self.frozen(row.split, row.p_hat, row.veto, row.sample)
 
-    def frozen(self, split: Split, p_hat: PHat = "own", veto: bool = False) -> FrozenTest:
+    def frozen(
+        self, split: Split, p_hat: PHat = "own", veto: bool = False, sample: bool = False
+    ) -> FrozenTest:
         """A test on a split's frozen episodes."""
-        frozen = self.episodes / f"{split}_test.json"
-        of = made_of(self.places.scenes, frozen, veto or p_hat in WITH_LIDAR)
-        return FrozenTest(p_hat, veto, frozen, PRESETS[self.preset].test_episodes, of)
+        of = self.made.tests[f"{split} {LIDAR}" if veto or p_hat in WITH_LIDAR else split]
+        most = PRESETS[self.preset].test_episodes
+        return FrozenTest(p_hat, veto, episodes_of(self.episodes, split), most, of, sample)
 
     def tested(self, row: Row) -> list[Tested]:
         """Results by seed.
 
         Raises:
-            FileNotFoundError: a run was not tested yet.
+            ValueError: a run was not tested yet.
         """
         return [Tested.load(path) for path in self.results(row)]
 
@@ -64,6 +67,11 @@ class Bench:
         file = self.test(row).file
         runs = (self.job(row, seed) for seed in range(self.seeds))
         return [run.options(self.places).out / file for run in runs]
+
+
+def episodes_of(folder: Path, split: Split) -> Path:
+    """The file of a split's frozen test episodes."""
+    return folder / f"{split}_test.json"
 
 
 def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
@@ -75,34 +83,22 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         rows: all of them, among which stands what it is compared with.
 
     Raises:
-        FileNotFoundError: a run was not tested yet.
-        ValueError: runs met different episodes.
+        ValueError: a run was not tested yet, or runs met different episodes.
     """
     found = bench.tested(row)
-    gain = sr_gain = over_own = None
+    compared: dict[str, Any] = {}
     if row.itself:
-        own = bench.tested(row.itself)
-        over_own = _difference([t.cf_success for t in found], [t.cf_success for t in own])
+        own = _differences(row, found, bench.tested(row.itself))
+        compared |= {"over_own": own["gain"], "over_own_ci95": own["gain_ci95"]}
     if row.reference:
-        plain = bench.tested(row.reference)
-        if len({t.identity for t in (*found, *plain)}) > 1:
-            raise ValueError(f"found runs of {row.name} that met different episodes; test anew")
-        gain = _difference([t.cf_success for t in found], [t.cf_success for t in plain])
-        sr_gain = _difference([t.success for t in found], [t.success for t in plain])
-    rooms = found[0].rooms
+        compared |= _differences(row, found, bench.tested(row.reference))
     return Figures(
         table=row.table, row=row.name, model=row.model, method=row.method, split=row.split,
-        p_hat=row.p_hat, veto=row.veto, preset=bench.preset,
+        p_hat=row.p_hat, veto=row.veto, sample=row.sample, preset=bench.preset,
         paper_cf_sr=round(row.paper.cf_sr[0] / 100, 3) if row.paper else None,
         paper_cf_spl=round(row.paper.cf_spl[0] / 100, 3) if row.paper else None,
         paper_gain=_paper_gain(row, rows),
-        **_measured(found),
-        gain=None if gain is None else float(gain.mean()),
-        gain_ci95=None if gain is None else interval(gain, rooms),
-        sr_gain=None if sr_gain is None else float(sr_gain.mean()),
-        sr_gain_ci95=None if sr_gain is None else interval(sr_gain, rooms),
-        over_own=None if over_own is None else float(over_own.mean()),
-        over_own_ci95=None if over_own is None else interval(over_own, rooms),
+        **_measured(found), **compared,
         command=bench.command, config_hash=bench.job(row, 0).hash,
     )  # fmt: skip
 
@@ -120,10 +116,8 @@ def figures_of_chance(split: Split, bench: Bench) -> Figures:
     ]
     return Figures(
         table="own", row="random", model="none", method="random", split=split, p_hat="own",
-        veto=False, preset="", paper_cf_sr=None, paper_cf_spl=None, paper_gain=None,
-        **_measured(found), gain=None, gain_ci95=None, sr_gain=None, sr_gain_ci95=None,
-        over_own=None, over_own_ci95=None,
-        command=bench.command, config_hash="",
+        veto=False, sample=True, preset="", **_measured(found), command=bench.command,
+        config_hash="",
     )  # fmt: skip
 
 
@@ -137,19 +131,49 @@ def _measured(found: Sequence[Tested]) -> dict[str, Any]:
         "cf_sr_mean": cf_sr[0], "cf_sr_std": _number(cf_sr[1]),
         "cf_spl_mean": cf_spl[0], "cf_spl_std": _number(cf_spl[1]),
         "sr_mean": float(np.mean([t.success for t in found])),
+        **_long(found),
         "collisions_mean": float(np.mean([t.collisions for t in found])),
         "seeds": len(found), "episodes": len(found[0].success),
         "commit": _all({t.commit for t in found}), "tested_at": _all({t.tested_at for t in found}),
     }  # fmt: skip
 
 
+def _long(found: Sequence[Tested]) -> dict[str, Any]:
+    """CF-SR over the longer episodes, where there are any."""
+    long = found[0].long
+    if not long.any():
+        return {"long_episodes": 0}
+    rate = float(np.mean([t.cf_success[long] for t in found]))
+    return {"long_episodes": int(long.sum()), "long_cf_sr_mean": rate}
+
+
 def _all(commits: set[str]) -> str:
     return ", ".join(sorted(commits))
 
 
-def _difference(found: Sequence[np.ndarray], plain: Sequence[np.ndarray]) -> np.ndarray:
-    """float64 [seeds, N], paired."""
-    return np.array(found, float) - np.array(plain, float)
+def _differences(row: Row, found: Sequence[Tested], plain: Sequence[Tested]) -> dict[str, Any]:
+    """Fields of ``Figures`` that compare, paired by seed and episode.
+
+    Raises:
+        ValueError: the runs met different episodes.
+    """
+    if len({t.identity for t in (*found, *plain)}) > 1:
+        raise ValueError(f"found runs of {row.name} that met different episodes; test anew")
+    rooms, long = found[0].rooms, found[0].long
+    cf_sr, sr = (
+        np.array([value(t) for t in found], float) - np.array([value(t) for t in plain], float)
+        for value in (lambda t: t.cf_success, lambda t: t.success)
+    )
+    of_long = {
+        "long_gain": float(cf_sr[:, long].mean()),
+        "long_gain_ci95": interval(cf_sr[:, long], rooms[long]),
+    } if long.any() else {}  # fmt: skip
+    return {
+        "gain": float(cf_sr.mean()), "gain_ci95": interval(cf_sr, rooms),
+        "gain_by_seed": tuple(cf_sr.mean(1).round(4).tolist()),
+        "sr_gain": float(sr.mean()), "sr_gain_ci95": interval(sr, rooms),
+        **of_long,
+    }  # fmt: skip
 
 
 def _paper_gain(row: Row, rows: Sequence[Row]) -> float | None:

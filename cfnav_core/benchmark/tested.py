@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.config import PHat
-from cfnav_core.evaluate import Evaluation, evaluate
-from cfnav_core.run import commit
+from cfnav_core.evaluate import LONG_EPISODE, Evaluation, evaluate
 from cfnav_core.run_files import BEST
+from cfnav_core.source import commit
 from cfnav_core.whole import whole, writing
 
 
@@ -21,9 +21,10 @@ class FrozenTest:
     Attributes:
         p_hat: the probability that the policy is given.
         veto: the LiDAR may forbid a MoveAhead.
+        sample: actions are drawn.
         frozen: file of the test episodes.
         most: how many of them, from the first; all when None.
-        made_of: see ``stamps.made_of``.
+        made_of: see ``stamps.Made``.
     """
 
     p_hat: PHat
@@ -31,18 +32,20 @@ class FrozenTest:
     frozen: Path
     most: int | None = None
     made_of: str = ""
+    sample: bool = False
 
     @property
     def file(self) -> str:
         """Name of its results in the run's folder."""
         of = "" if self.most is None else f"_{self.most}"
-        veto = "_veto" if self.veto else ""
-        return f"{self.frozen.stem}{of}_{self.p_hat}{veto}_{self.made_of}.npz"
+        how = ("_veto" if self.veto else "") + ("_drawn" if self.sample else "")
+        return f"{self.frozen.stem}{of}_{self.p_hat}{how}_{self.made_of}.npz"
 
     @property
     def name(self) -> str:
         """In words, for people."""
-        return f"test, {self.p_hat} p_hat{', veto' if self.veto else ''}"
+        how = (", veto" if self.veto else "") + (", actions drawn" if self.sample else "")
+        return f"test, {self.p_hat} p_hat{how}"
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,11 @@ class Tested:
     identity: str
 
     @property
+    def long(self) -> np.ndarray:
+        """Bool [N], episodes that take at least ``LONG_EPISODE`` actions."""
+        return self.shortest >= LONG_EPISODE
+
+    @property
     def cf_success(self) -> np.ndarray:
         """float64 [N], S_i of Eq. 1."""
         return (self.success & (self.collisions == 0)).astype(float)
@@ -78,9 +86,16 @@ class Tested:
 
     @classmethod
     def load(cls, path: Path) -> Tested:
-        """Read what ``run_test`` wrote."""
-        with np.load(path, allow_pickle=False) as file:
-            found = dict(file.items())
+        """Read what ``run_test`` wrote.
+
+        Raises:
+            ValueError: it is not there.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = dict(file.items())
+        except OSError as error:
+            raise ValueError(f"found no readable results in {path} ({error}); test it") from error
         return cls(
             **found | {name: str(found[name]) for name in ("commit", "tested_at", "identity")}
         )
@@ -125,8 +140,8 @@ def run_test(test: FrozenTest, folder: Path, scenes: Path) -> None:
         WriteError: the results cannot be written.
     """
     found = evaluate(
-        folder / BEST, scenes, 0, 0, p_hat=test.p_hat, frozen=test.frozen, veto=test.veto,
-        most=test.most,
+        folder / BEST, scenes, 0, 0, test.sample, p_hat=test.p_hat, frozen=test.frozen,
+        veto=test.veto, most=test.most,
     )  # fmt: skip
     save(found, folder / test.file)
 

@@ -31,8 +31,9 @@ from sensor_msgs.msg import Image, LaserScan
 
 from cfnav_core.bundle import BundleHead, find_bundle
 from cfnav_core.json_file import write_json
+from cfnav_core.source import commit
 from cfnav_ros import conversions
-from cfnav_ros.demo import DemoConfig, commit, known_goals, plan, run_to_exit
+from cfnav_ros.demo import DemoConfig, known_goals, plan, run_to_exit
 from cfnav_ros.graph import Graph, GraphConfig
 from cfnav_ros.live_figures import (
     NOMINAL_HZ,

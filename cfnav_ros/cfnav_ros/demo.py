@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -20,6 +19,7 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.bundle import BundleHead, find_bundle
+from cfnav_core.source import commit
 from cfnav_ros.bags.evaluation import Evaluation, Options, evaluate
 from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.reading import BagError
@@ -182,15 +182,6 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
         (folder.partial / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
         folder.finish()
     return metrics
-
-
-def commit() -> str:
-    """Return the commit of the source, marked when it has changes, or "unknown"."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
 
 
 def main() -> None:

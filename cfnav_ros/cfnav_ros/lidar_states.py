@@ -18,6 +18,7 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.scene import HORIZONS, LIDAR, SCANS
+from cfnav_core.source import made_by, sign, source_identity
 from cfnav_core.whole import whole, writing
 from cfnav_ros.lidar import estimate_collision
 from cfnav_ros.returns import Scan
@@ -25,6 +26,9 @@ from cfnav_ros.returns import Scan
 ANGLE_MIN, ANGLE_MAX = math.pi - math.radians(359.0), math.pi
 RANGE_MIN, RANGE_MAX = 0.15, 12.0
 """What the RPLIDAR A1's driver says of a turn (rplidar_ros, branch ros2): radians and metres."""
+
+JUDGE_FILES = ("lidar", "returns", "sweep", "lidar_states")
+"""Modules that decide what the LiDAR node says of a scan."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +68,14 @@ def run(options: Options) -> int:
             f"found no {SCANS} in the rooms of {options.scenes}; make them with "
             f"python -m sim_bridge.scans {options.scenes}"
         )
+    judge = source_identity(Path(__file__).parent / f"{name}.py" for name in JUDGE_FILES)
     for path in tqdm(scanned, unit="room"):
-        out = path.parent / LIDAR
-        if not out.exists():
+        out, source = path.parent / LIDAR, f"{judge} of {made_by(path)}"
+        if made_by(out) != source:
             judged = probabilities(np.load(path))
             with writing(out), whole(out) as partial, partial.open("wb") as file:
                 np.save(file, judged)
+            sign(out, source)
     return len(scanned)
 
 

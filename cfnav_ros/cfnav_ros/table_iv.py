@@ -14,6 +14,8 @@ import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,8 +27,9 @@ from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.statistics import interval_of_trials, over_seeds
 from cfnav_core.bundle import BundleHead
 from cfnav_core.config import PHat
+from cfnav_core.source import commit, source_identity
 from cfnav_core.whole import write_file
-from cfnav_ros.demo import commit, run_trial
+from cfnav_ros.demo import run_trial
 from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.plan import Trial
 
@@ -39,7 +42,7 @@ GOALS = ("HousePlant", "Book", "Laptop")
 VISUAL_SHIFT = 0.5
 
 FIRST_START = 1000
-"""Seed of the first start."""
+"""Of the seeds of starts; times how many a training seed has, so that no two tables share one."""
 
 TRIALS = 15
 """Of the paper's table, three rooms by five; driven with the bundles of one training seed."""
@@ -124,10 +127,8 @@ def trials_of(count: int, seed: int) -> list[Trial]:
         count: how many.
         seed: of training.
     """
-    rooms = tuple(ROOMS)
-    return [
-        Trial(rooms[n % 3], GOALS[n // 3 % 3], FIRST_START + seed * count + n) for n in range(count)
-    ]
+    rooms, first = tuple(ROOMS), FIRST_START * count + seed * count
+    return [Trial(rooms[n % 3], GOALS[n // 3 % 3], first + n) for n in range(count)]
 
 
 def run(config: TableIV) -> None:
@@ -177,6 +178,8 @@ def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
     rows = read_rows(path)
     there = {Trial(**row["trial"]) for row in rows}
     missing = [t for t in trials_of(config.trials // config.seeds, seed) if t not in there]
+    if missing and any(row["world"] != world_source() for row in rows):
+        raise OSError(f"{path} holds trials in another version of the simulator; remove it")
     if missing or bundle.exists():
         other = {row["bundle"] for row in rows} - {identity_of(bundle)}
         if other:
@@ -192,6 +195,7 @@ def _drive(config: TableIV, way: Way, seed: int, missing: Sequence[Trial]) -> No
     path, bundle = _file(config, way, seed), _bundle(config, way, seed)
     write_rows(path, read_rows(path))
     said = {"bundle": identity_of(bundle), "run": run_of(bundle), "commit": commit()}
+    said["world"] = world_source()
     print(f"{way.name}, training seed {seed}: {len(missing)} trials", flush=True)
     graph_config = GraphConfig(
         room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
@@ -230,6 +234,15 @@ def run_of(bundle: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
+@cache
+def world_source() -> str:
+    """Identity of the simulator: its rooms, its robot, their noise, light and lens."""
+    found = find_spec("sim_bridge")
+    assert found
+    assert found.origin
+    return source_identity(sorted(Path(found.origin).parent.glob("*.py")))
+
+
 def _keep_map(out: Path, room: str, message: Any) -> None:
     """Keep the map of a room, for the figure."""
     path = out / "maps" / f"{room.replace(':', '_')}.npz"
@@ -248,25 +261,32 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     driven = {way: [_driven(config, way, seed) for seed in range(config.seeds)] for way in ways}
     results = config.results or config.out
     write_tables([_figures(config, way, driven) for way in ways], results)
-    first = {way.name: driven[way][0][: 3 * len(GOALS) : 3] for way in PAPERS}
+    # the first goal in the first room, the second in the second, the third in the third
+    first = {way.name: driven[way][0][: 3 * len(GOALS) : 4] for way in PAPERS}
     picture = draw_table_iv(first, config.out / "maps")
     write_file(results / f"table_IV_{config.trials}.png", picture)
 
 
 def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, Any]]]]) -> Figures:
-    """A row of the table; gains are over the plain model under the same visual shift, no veto."""
+    """A row of the table.
+
+    Gains are over the plain model, "over own p_hat" over the same bundles with the RGB predictor,
+    both under the same visual shift and without a veto.
+    """
     rows = driven[way]
-    plain = next(
-        w for w in driven
-        if (w.method, w.veto, w.visual_shift) == ("plain", False, way.visual_shift)
-    )  # fmt: skip
+    free = {(w.method, w.p_hat, w.visual_shift): w for w in driven if not w.veto}
+    plain = free["plain", "lidar", way.visual_shift]
+    own = free.get((way.method, "own", way.visual_shift))
     cf_success, success = (_rates(rows, name) for name in ("cf_success", "success"))
     cf_spl = np.array([[_cf_efficiency(row) for row in of_seed] for of_seed in rows])
-    gain = sr_gain = None
+    compared: dict[str, Any] = {}
     if way is not plain:
-        gain = cf_success - _rates(driven[plain], "cf_success")
-        sr_gain = success - _rates(driven[plain], "success")
-    rooms = np.array([row["room"] for row in rows[0]])
+        compared |= _difference("gain", driven, way, plain, "cf_success")
+        compared |= _difference("sr_gain", driven, way, plain, "success")
+        by_seed = (cf_success - _rates(driven[plain], "cf_success")).mean(1)
+        compared["gain_by_seed"] = tuple(by_seed.round(4).tolist())
+    if own and way is not own:
+        compared |= _difference("over_own", driven, way, own, "cf_success")
     runs = [of_seed[0]["run"] for of_seed in rows]
     cf_sr, spl = over_seeds(cf_success), over_seeds(cf_spl)
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
@@ -275,18 +295,12 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         split=f"{config.trials} live trials",
         p_hat=way.p_hat, veto=way.veto, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
-        paper_cf_spl=None,
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),
         cf_sr_mean=cf_sr[0], cf_sr_std=None if config.seeds < 2 else cf_sr[1],
         cf_spl_mean=spl[0], cf_spl_std=None if config.seeds < 2 else spl[1],
         sr_mean=float(success.mean()),
         collisions_mean=float(_rates(rows, "collisions").mean()),
-        seeds=config.seeds, episodes=len(rows[0]),
-        gain=None if gain is None else float(gain.mean()),
-        gain_ci95=None if gain is None else interval_of_trials(gain, rooms),
-        sr_gain=None if sr_gain is None else float(sr_gain.mean()),
-        sr_gain_ci95=None if sr_gain is None else interval_of_trials(sr_gain, rooms),
-        over_own=None, over_own_ci95=None,
+        seeds=config.seeds, episodes=len(rows[0]), **compared,
         command=shlex.join(["python", "-m", "cfnav_ros.trials", *sys.argv[1:]]),
         config_hash=runs[0]["config_hash"],
         commit=", ".join(sorted({run["commit"] for run in runs})), tested_at=", ".join(commits),
@@ -298,6 +312,15 @@ def _driven(config: TableIV, way: Way, seed: int) -> list[dict[str, Any]]:
     rows = read_rows(_file(config, way, seed))
     by_trial = {Trial(**row["trial"]): row for row in rows}
     return [by_trial[trial] for trial in trials_of(config.trials // config.seeds, seed)]
+
+
+def _difference(
+    name: str, driven: dict[Way, list[list[dict[str, Any]]]], way: Way, other: Way, rate: str
+) -> dict[str, Any]:
+    """A field of ``Figures`` that compares two rows, and its interval."""
+    found = _rates(driven[way], rate) - _rates(driven[other], rate)
+    rooms = np.array([row["room"] for row in driven[way][0]])
+    return {name: float(found.mean()), f"{name}_ci95": interval_of_trials(found, rooms)}
 
 
 def _rates(rows: Sequence[Sequence[dict[str, Any]]], name: str) -> np.ndarray:

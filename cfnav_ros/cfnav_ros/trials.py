@@ -12,8 +12,9 @@ from typing import Annotated, Any
 
 import tyro
 
+from cfnav_core.source import commit
 from cfnav_ros import table_iv
-from cfnav_ros.demo import DemoConfig, commit, known_goals, run_to_exit, run_trials
+from cfnav_ros.demo import DemoConfig, known_goals, run_to_exit, run_trials
 from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.outcome import Outcome, figures
 from cfnav_ros.plan import Trial, parse_list

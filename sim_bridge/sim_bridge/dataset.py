@@ -8,8 +8,6 @@ perception. Rooms already in DIR are kept, so an interrupted run goes on where i
 
 from __future__ import annotations
 
-import ast
-import hashlib
 import signal
 import sys
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -27,6 +25,7 @@ from cfnav_core.perception import INPUT_SIZE, Perception, preprocess
 from cfnav_core.picture_set import COARSE, HEAT, PictureSet
 from cfnav_core.rooms import parse_rooms, room_folder
 from cfnav_core.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
+from cfnav_core.source import source_identity
 from cfnav_core.vocabulary import CATEGORIES
 from cfnav_core.whole import whole, writing
 from sim_bridge.room import Room, generate_room
@@ -59,29 +58,17 @@ class Options:
     """Rooms rendered at the same time."""
 
 
-def source_identity(visual_shift: float = 0.0) -> str:
-    """Identity of the program that makes rooms and pictures, comments and layout left out."""
-    files = (
-        "parts",
-        "textures",
-        "furniture",
-        "fixtures",
-        "objects",
-        "room",
-        "meshes",
-        "world",
-        "camera",
-        "grid",
-    )
-    digest = hashlib.sha256()
-    for name in files:
-        tree = ast.parse((Path(__file__).parent / f"{name}.py").read_text())
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
-                body.pop(0)  # the docstring
-        digest.update(ast.dump(tree).encode())
-    return digest.hexdigest()[:16] + (f" shifted by {visual_shift}" if visual_shift else "")
+ROOM_FILES = (
+    "parts", "textures", "furniture", "fixtures", "objects", "room", "meshes", "world", "camera",
+    "grid",
+)  # fmt: skip
+"""Modules that decide what rooms and their pictures are."""
+
+
+def room_source(visual_shift: float = 0.0) -> str:
+    """Identity of the program that makes rooms and pictures."""
+    found = source_identity(Path(__file__).parent / f"{name}.py" for name in ROOM_FILES)
+    return found + (f" shifted by {visual_shift}" if visual_shift else "")
 
 
 def render_scene(
@@ -119,7 +106,7 @@ def _keep(folder: Path, pictures: np.ndarray) -> None:
 def _kept(folder: Path, visual_shift: float) -> OfflineScene | None:
     """The scene whose pictures can be used again."""
     scene = _whole(folder)
-    same = scene and scene.source == source_identity(visual_shift) and (folder / PICTURES).exists()
+    same = scene and scene.source == room_source(visual_shift) and (folder / PICTURES).exists()
     return scene if same else None
 
 
@@ -156,7 +143,7 @@ def _render(kind: str, seed: int, visual_shift: float) -> tuple[OfflineScene, np
     goals = tuple(name for name, enough in zip(CATEGORIES, often, strict=True) if enough)
     scene = OfflineScene(
         name=f"{kind}:{seed}", room_type=kind, perception="",
-        source=source_identity(visual_shift),
+        source=room_source(visual_shift),
         objects=CATEGORIES, goals=goals, features=none, detections=none,
         next_state=grid.next_state, collided=grid.collided, visible=visible,
         position=grid.position, heading=grid.heading, horizon=grid.horizon,
@@ -228,7 +215,7 @@ def _finished(folder: Path, options: Options, perception: Path) -> bool:
     if options.views:
         return (folder / "set.json").exists()
     scene = _whole(folder)
-    made_with = (Perception(perception).identity, source_identity(options.visual_shift))
+    made_with = (Perception(perception).identity, room_source(options.visual_shift))
     return scene is not None and (scene.perception, scene.source) == made_with
 
 

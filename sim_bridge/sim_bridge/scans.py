@@ -2,6 +2,7 @@
 
 Writes ``scans.npy`` beside each scene that ``sim_bridge.dataset`` made: float32 [P, 8, 1080],
 metres, as the driver publishes a turn at each position and heading, with the simulator's noise.
+Rooms that this version of the simulator scanned are kept as they are.
 ``python -m cfnav_ros.lidar_states`` makes collision probabilities of them.
 """
 
@@ -18,10 +19,15 @@ from tqdm import tqdm
 
 from cfnav_core.rooms import parse_rooms, room_folder
 from cfnav_core.scene import HEADINGS, HORIZONS, SCANS, OfflineScene
+from cfnav_core.source import made_by, sign, source_identity
 from cfnav_core.whole import whole, writing
+from sim_bridge.dataset import room_source
 from sim_bridge.noise import Noise, NoiseLevels
 from sim_bridge.room import generate_room
 from sim_bridge.rplidar import driver_ranges
+
+SCAN_FILES = ("rplidar", "noise", "scans")
+"""Modules that decide what the LiDAR measures in a room."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +82,17 @@ def run(options: Options) -> None:
         ValueError: bad rooms, or scenes that are not there or made by another version.
         OSError: a file cannot be written.
     """
+    scanner = source_identity(Path(__file__).parent / f"{name}.py" for name in SCAN_FILES)
+    source = f"{room_source()} {scanner} noise {options.noise}"
     for kind, seed in tqdm(parse_rooms(options.rooms), unit="room"):
         folder = room_folder(options.scenes, kind, seed)
         path = folder / SCANS
-        if path.exists():
+        if made_by(path) == source:
             continue
         turns = scan_room(kind, seed, OfflineScene.load(folder), options.noise)
         with writing(path), whole(path) as partial, partial.open("wb") as file:
             np.save(file, turns)
+        sign(path, source)
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ from cfnav_ros.bags.contacts import OBSERVABLE
 from cfnav_ros.bags.evaluation import EvaluatedDrive, Options, evaluate
 from cfnav_ros.bags.outcomes import live_outcome
 from cfnav_ros.bags.replay_step import reproduction
-from cfnav_ros.demo import DemoConfig, commit, known_goals, run_to_exit, run_trials
+from cfnav_ros.demo import DemoConfig, known_goals, run_to_exit, run_trials
 from cfnav_ros.graph import Graph, GraphConfig
 from cfnav_ros.json_lines import read_rows
 from cfnav_ros.outcome import Outcome, agree
@@ -33,6 +33,7 @@ from tqdm import tqdm
 
 from cfnav_core.actions import Action
 from cfnav_core.bundle import BundleHead, shipped_bundle
+from cfnav_core.source import commit
 from cfnav_core.vocabulary import ROOM_TYPES
 from tests.deploy.bundles import make_bundle
 

@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import tyro
-from cfnav_ros.demo import commit, run_to_exit
+from cfnav_ros.demo import run_to_exit
 from cfnav_ros.json_lines import read_rows
 from cfnav_ros.processes import GraphError
 from tqdm import tqdm
 
+from cfnav_core.source import commit
 from tests.deploy.bundles import make_bundle
 from tests.deploy.cell import LISTS, CellRun
 from tests.deploy.expectations import EXPECTATIONS

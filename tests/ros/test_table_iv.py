@@ -11,7 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cfnav_ros.json_lines import append_row
-from cfnav_ros.table_iv import GOALS, PAPERS, ROOMS, TableIV, identity_of, run, run_of, trials_of
+from cfnav_ros.table_iv import (
+    GOALS,
+    PAPERS,
+    ROOMS,
+    TableIV,
+    identity_of,
+    run,
+    run_of,
+    trials_of,
+    world_source,
+)
 from PIL import Image
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode
@@ -32,7 +42,8 @@ def test_fifteen_trials_are_five_in_each_room_and_goal() -> None:
     trials = trials_of(15, seed=0)
     assert set(Counter(t.room for t in trials).values()) == {5}
     assert min(Counter(t.goal for t in trials).values()) == 3
-    assert len({t.seed for t in trials} | {t.seed for t in trials_of(15, seed=1)}) == 30
+    others = [*trials_of(15, seed=1), *(t for n in range(5) for t in trials_of(20, n))]
+    assert len({t.seed for t in [*trials, *others]}) == 15 + 15 + 100
 
 
 @pytest.mark.parametrize("name", ROOMS)
@@ -63,6 +74,7 @@ def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
     """Write down fifteen trials as if they had been driven."""
     bundle = config.bundles / f"{method}_seed0"
     said = {"bundle": identity_of(bundle), "run": run_of(bundle), "commit": "abc"}
+    said["world"] = world_source()
     for n, trial in enumerate(trials_of(15, 0)):
         good = n < successes
         append_row(path, {
@@ -126,6 +138,10 @@ def test_trials_of_another_bundle_are_not_mixed(bundles: Path, tmp_path: Path) -
     _driven(tmp_path / "plain_seed0_15.jsonl", config, "plain", 3)
     put_bundle(bundles / "plain_seed0", [Action.Done])
     with pytest.raises(OSError, match="holds trials of another bundle"):
+        run(config)
+    path = tmp_path / "plain_seed0_15.jsonl"
+    path.write_text(path.read_text().splitlines()[0].replace(world_source(), "older") + "\n")
+    with pytest.raises(OSError, match="in another version of the simulator"):
         run(config)
     with pytest.raises(ValueError, match="found 15 trials for 4 seeds"):
         run(TableIV(bundles=bundles, seeds=4))

@@ -14,6 +14,7 @@ from sim_bridge.world import World
 from cfnav_core.calibration import auc
 from cfnav_core.rooms import room_folder
 from cfnav_core.scene import HORIZONS, LIDAR, SCANS, OfflineScene
+from cfnav_core.source import sign
 from cfnav_ros import lidar_states
 from sim_bridge import scans
 from tests.core.worlds import hall
@@ -42,6 +43,24 @@ def scenes(grid: StateGrid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene.save(room_folder(folder, "bathroom", 3))
     scans.run(scans.Options(folder, [ROOM]))
     return folder
+
+
+def test_rooms_that_another_version_scanned_or_judged_are_made_again(scenes: Path) -> None:
+    room = room_folder(scenes, "bathroom", 3)
+    lidar_states.run(lidar_states.Options(scenes))
+
+    def again(path: Path) -> bool:
+        before = path.stat().st_mtime_ns
+        scans.run(scans.Options(scenes, [ROOM]))
+        lidar_states.run(lidar_states.Options(scenes))
+        return path.stat().st_mtime_ns > before
+
+    assert not again(room / SCANS)
+    assert not again(room / LIDAR)
+    sign(room / LIDAR, "older")
+    assert again(room / LIDAR)
+    sign(room / SCANS, "older")
+    assert again(room / SCANS)
 
 
 def test_a_wall_ahead_is_where_the_driver_says(scenes: Path, grid: StateGrid) -> None:

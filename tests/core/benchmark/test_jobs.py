@@ -103,6 +103,13 @@ def test_only_methods_with_a_penalty_in_stage_one_begin_stage_two_later() -> Non
     assert later == {"reward", "xiao", "reward_only"}
 
 
+def test_nothing_is_longer_in_a_preset_whose_methods_are_all_as_long() -> None:
+    row = next(row for row in ROWS if row.longer and row.method == "ours")
+    full, small = (Job.of_row(row, 0, preset, "eyes") for preset in ("full", "small"))
+    assert full == replace(OURS, preset="full", perception="eyes")
+    assert small.longer
+
+
 def test_a_bundle_names_the_run_that_it_came_from() -> None:
     job = Job("tdanet", "reward_only", "data2", 3, "small", "eyes")
     training = {

@@ -20,7 +20,7 @@ from cfnav_core.agent import new_agent
 from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.presets import PRESETS
 from cfnav_core.benchmark.run import run_benchmark
-from cfnav_core.benchmark.stamps import made_of
+from cfnav_core.benchmark.stamps import Made
 from cfnav_core.benchmark.work import locked
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes
@@ -75,6 +75,11 @@ def test_every_row_is_there_with_what_the_paper_says(found) -> None:
     assert ours["command"] == "cfnav benchmark I own"
     own = [row for row in found.values() if row["table"] == "own"]
     assert {row["p_hat"] for row in own} == {"own", "zero", "shuffled", "true", "lidar", "both"}
+    drawn = found["ours (MJOLNIR-r), actions drawn"]
+    assert drawn["sample"]
+    assert drawn["collisions_mean"] != ours["collisions_mean"]
+    assert 0 < float(str(ours["long_episodes"])) < 40
+    assert ours["gain_by_seed"] == [ours["gain"]]
     assert found["random"]["gain"] is None
     assert 0 <= float(str(found["random"]["sr_mean"])) < 0.3
 
@@ -175,8 +180,8 @@ def test_tests_of_other_episodes_rooms_or_lidar_do_not_count(options: Benchmark,
     room = room_folder(options.scenes, *parse_room(read_episodes(frozen)[0].scene))
 
     def made() -> tuple[str, str]:
-        made_of.cache_clear()
-        return made_of(options.scenes, frozen, False), made_of(options.scenes, frozen, True)
+        tests = Made.of(options.scenes, {"data2": frozen}, {"data2"}).tests
+        return tests["data2"], tests[f"data2 {LIDAR}"]
 
     first = made()
     assert made() == first
@@ -201,17 +206,29 @@ def with_head(head: dict[str, object], **changes: object) -> bytes:
     return json.dumps(head | changes).encode()
 
 
-def test_a_grid_without_weights_gives_the_same_tables(options: Benchmark, found, tmp_path) -> None:
+def test_recorded_results_give_the_same_tables(options: Benchmark, found, tmp_path) -> None:
+    """Without weights, and from the records alone also without rooms."""
     away = shutil.ignore_patterns("*.safetensors", "*.steps.npz", "*.lock", "*.log", "*.task.json")
     copy = tmp_path / "grid"
     shutil.copytree(options.out / "runs", copy / "runs", ignore=away)
-    shutil.copy(options.out / "rooms.json", copy)
+    for kept in (*options.out.glob("random_*.npz"), options.out / "rooms.json"):
+        shutil.copy(kept, copy)
+    shutil.copy(options.out / "tests.json", copy)
     again = replace(options, out=copy, ray="")
-    run_benchmark(again, "cfnav benchmark I own")
-    assert rows_of(again) == found
-    for name in ("runs.csv", "predictor.json", "table_I.md"):
-        assert (copy / name).read_text() == (options.out / name).read_text()
+    nowhere = tmp_path / "none"
+    alone = replace(again, recorded=True, scenes=nowhere, episodes=nowhere, results=copy / "alone")
+    for given in (again, alone):
+        run_benchmark(given, "cfnav benchmark I own")
+        results = given.results or copy
+        assert rows_of(replace(options, out=results)) == found
+        for name in ("runs.csv", "predictor.json", "table_I.md"):
+            assert (results / name).read_text() == (options.out / name).read_text()
     assert not list(copy.glob("runs/*/*.safetensors"))
+    next(copy.glob("runs/*ours*/*_own_*.npz")).unlink()
+    with pytest.raises(ValueError, match="found no readable results in"):
+        run_benchmark(alone, "")
+    with pytest.raises(ValueError, match=r"found no readable tests\.json in .* unpack recorded"):
+        run_benchmark(replace(alone, out=tmp_path / "other"), "")
 
 
 def test_a_grid_that_is_told_to_stop_leaves_nothing_behind(options: Benchmark, tmp_path) -> None:
