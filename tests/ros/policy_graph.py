@@ -194,13 +194,20 @@ class Robot:
     def send(self, goal="Laptop", **fields):
         """Send a goal, return its handle and the future of its result."""
         self.wait(self.client.server_is_ready, "the action server")
-        sent = self.client.send_goal_async(
+        sent = self._sent(goal, fields)
+        half = time.monotonic() + DEADLINE_S / 2
+        self.wait(lambda: sent.done() or time.monotonic() > half, "an answer")
+        if not sent.done():  # lost: the client knows the server before the server knows the client
+            sent = self._sent(goal, fields)
+            self.wait(sent.done, "the goal to be accepted")
+        assert sent.result().accepted
+        return sent.result(), sent.result().get_result_async()
+
+    def _sent(self, goal, fields):
+        return self.client.send_goal_async(
             NavigateToObject.Goal(goal=goal, **fields),
             feedback_callback=lambda message: self.feedback.append(message.feedback),
         )
-        self.wait(sent.done, "the goal to be accepted")
-        assert sent.result().accepted
-        return sent.result(), sent.result().get_result_async()
 
     def result(self, future):
         self.wait(future.done, "the result")
