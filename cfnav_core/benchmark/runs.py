@@ -83,9 +83,11 @@ def write_runs(jobs: Iterable[Job], papers: Iterable[Job], places: Places, out: 
     table.writerows(rows)
     write_file(path, text.getvalue())
     of_tables = [run for run in found if run.config_hash in of_paper]
-    print(f"{_took(found)}, of these those of the paper's tables {_took(of_tables)} ({path})\n")
+    print(
+        f"{len(found)} runs took {_hours(found):.1f} processor hours of training, the "
+        f"{len(of_tables)} of the paper's tables {_hours(of_tables):.1f} ({path})\n"
+    )
 
 
-def _took(runs: Sequence[Trained]) -> str:
-    hours = sum(run.cpu_s for run in runs) / 3600
-    return f"{len(runs)} runs took {hours:.1f} processor hours of training"
+def _hours(runs: Sequence[Trained]) -> float:
+    return sum(run.cpu_s for run in runs) / 3600

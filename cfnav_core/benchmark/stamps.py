@@ -74,7 +74,7 @@ class Made:
             tests[split] = _short(episodes, seen)
             names = [f"{kind}:{seed}" for kind, seed in rooms]
             if split in lidar or has_lidar(scenes, names):
-                lidar_of(scenes, names)
+                lidar_of(scenes, names)  # says what is missing, or of another version
                 tests[f"{split} {LIDAR}"] = _short(episodes, seen, _digest(scenes, rooms, _lidar))
             perception = read_head(room_folder(scenes, *rooms[0]))["perception"]
         return cls(perception, tests)

@@ -49,8 +49,17 @@ class Bench:
     def frozen(
         self, split: Split, p_hat: PHat = "own", veto: bool = False, sample: bool = False
     ) -> FrozenTest:
-        """A test on a split's frozen episodes."""
-        of = self.made.tests[f"{split} {LIDAR}" if veto or p_hat in WITH_LIDAR else split]
+        """A test on a split's frozen episodes.
+
+        Raises:
+            ValueError: it was not noted what it is made of.
+        """
+        key = f"{split} {LIDAR}" if veto or p_hat in WITH_LIDAR else split
+        of = self.made.tests.get(key)
+        if of is None:
+            raise ValueError(
+                f"found no test of {key} in {self.places.out}; test it, without --recorded, first"
+            )
         most = PRESETS[self.preset].test_episodes
         return FrozenTest(p_hat, veto, episodes_of(self.episodes, split), most, of, sample)
 

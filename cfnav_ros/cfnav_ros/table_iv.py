@@ -42,7 +42,8 @@ GOALS = ("HousePlant", "Book", "Laptop")
 VISUAL_SHIFT = 0.5
 
 FIRST_START = 1000
-"""Of the seeds of starts; times how many a training seed has, so that no two tables share one."""
+"""Seeds of starts count from it in blocks of a training seed's trials: tables of other sizes have
+other starts."""
 
 TRIALS = 15
 """Of the paper's table, three rooms by five; driven with the bundles of one training seed."""
@@ -127,7 +128,7 @@ def trials_of(count: int, seed: int) -> list[Trial]:
         count: how many.
         seed: of training.
     """
-    rooms, first = tuple(ROOMS), FIRST_START * count + seed * count
+    rooms, first = tuple(ROOMS), (FIRST_START + seed) * count
     return [Trial(rooms[n % 3], GOALS[n // 3 % 3], first + n) for n in range(count)]
 
 
@@ -236,10 +237,14 @@ def run_of(bundle: Path) -> dict[str, str]:
 
 @cache
 def world_source() -> str:
-    """Identity of the simulator: its rooms, its robot, their noise, light and lens."""
+    """Identity of the simulator: its rooms, its robot, their noise, light and lens.
+
+    Raises:
+        OSError: it is not installed.
+    """
     found = find_spec("sim_bridge")
-    assert found
-    assert found.origin
+    if found is None or found.origin is None:
+        raise OSError("found no sim_bridge; Table IV is driven in it: run make setup")
     return source_identity(sorted(Path(found.origin).parent.glob("*.py")))
 
 

@@ -39,6 +39,10 @@ LATE_M, LATE_DEG = 0.05, 15.0
 how exact motions are is tested without processes."""
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
+LOST = "client will not receive response"
+"""What a node says when a client asks before discovery has shown it where that client listens
+(ros2/rmw_fastrtps issue 842); the answer is lost, and only then may a test ask again."""
+
 
 class Robot:
     """A base, a camera and an estimate at 20 Hz in a thread, and a client; exact and unhurried."""
@@ -195,9 +199,8 @@ class Robot:
         """Send a goal, return its handle and the future of its result."""
         self.wait(self.client.server_is_ready, "the action server")
         sent = self._sent(goal, fields)
-        half = time.monotonic() + DEADLINE_S / 2
-        self.wait(lambda: sent.done() or time.monotonic() > half, "an answer")
-        if not sent.done():  # lost: the client knows the server before the server knows the client
+        self.wait(lambda: sent.done() or LOST in self.log.read_text(), "the goal to be accepted")
+        if not sent.done():
             sent = self._sent(goal, fields)
             self.wait(sent.done, "the goal to be accepted")
         assert sent.result().accepted
@@ -245,6 +248,7 @@ def policy_graph(folder, domain):
     def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), remap="", **robot):
         log = folder / "log"
         robot = Robot(domain, **robot)
+        robot.log = log
         started.append(robot)
         process = start_node(
             domain, log, f"bundle:={bundle}", *parameters, program=program, remap=remap
