@@ -1,0 +1,32 @@
+"""Learning curves of runs that go on from another's stage one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from cfnav_core.benchmark.curves import Curve
+from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.run_files import LOG
+
+
+def write_log(job: Job, places: Places, lines: list[tuple[int, float]]) -> None:
+    path = job.options(places).out / LOG
+    path.parent.mkdir(parents=True)
+    rows = ({"episodes": n, "cf_sr": y, "validation_cf_sr": y / 2} for n, y in lines)
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+
+def test_a_shared_stage_one_ends_with_the_round_that_passed_its_last_episode(
+    tmp_path: Path,
+) -> None:
+    ours, places = Job("lstde", "ours", "data1", 0, "small", "eyes"), Places(tmp_path, tmp_path)
+    plain = Job("lstde", "plain", "data1", 0, "small", "eyes")
+    end = ours.config.hyperparameters.stage1_episodes
+    write_log(ours, places, [(end - 5000, 0.1), (end + 12, 0.2), (end + 5000, 0.9)])
+    write_log(plain, places, [(end + 5012, 0.3), (end + 10_000, 0.4)])
+    curve = Curve.read(plain, places)
+    assert curve.episodes.tolist() == [end - 5000, end + 12, end + 5012, end + 10_000]
+    assert curve.values["cf_sr"].tolist() == [0.1, 0.2, 0.3, 0.4]
+    assert curve.values["validation_cf_sr"].tolist() == [0.05, 0.1, 0.15, 0.2]
+    assert Curve.read(ours, places).episodes.tolist() == [end - 5000, end + 12, end + 5000]
