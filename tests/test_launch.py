@@ -193,7 +193,7 @@ def test_only_what_was_given_overrides_the_file(launch: Callable) -> None:
     assert len(policy["files"]) == 1
     given = parameters(policy, "policy_node")
     assert given["goal"] == ""
-    assert "bundle" not in given
+    assert not {"bundle", "wait_for_recorder"} & set(given)
 
 
 def test_the_lidar_node_comes_back_and_the_velocity_owner_ends_everything(launch: Callable) -> None:
@@ -267,7 +267,8 @@ def test_a_recorded_drive_names_its_bag(launch: Callable, tmp_path: Path) -> Non
     )
     recorder = run.start("recorder_node")
     assert parameters(recorder, "recorder")["bag"] == f"{tmp_path}/drive"
-    assert parameters(run.start("policy_node"), "policy_node")["goal"] == "Laptop"
+    given = parameters(run.start("policy_node"), "policy_node")
+    assert (given["goal"], given["wait_for_recorder"]) == ("Laptop", True)
     os.kill(recorder["pid"], signal.SIGKILL)
     run.process.wait()
     assert re.search(r"recorder_node-\d+\] was required", run.process.output)

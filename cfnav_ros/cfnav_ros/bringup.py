@@ -108,7 +108,9 @@ def parts(config: Robot | Simulation) -> list[Part]:
     common = ["-r", f"__ns:={space}"] if space else []
     common += ["--params-file", str(parameter_file(config.params))]
     bundle = find_bundle(config.bundle).resolve() if config.bundle else None
-    policy = [*common, *_given(bundle=bundle, goal=config.goal or None)]
+    recorded = "true" if config.bag else None
+    chosen = _given(bundle=bundle, goal=config.goal or None, wait_for_recorder=recorded)
+    policy = [*common, *chosen]
     made = [
         Part("cfnav_ros", "lidar_collision_node", tuple(common)),
         Part("cfnav_ros", "policy_node", tuple(policy)),

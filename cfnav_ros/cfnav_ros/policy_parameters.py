@@ -19,6 +19,7 @@ class PolicyParameters:
     allow_robot: bool = setting(False, "drive more than the node named mock_turtlebot4")
     cmd_vel_type: str = setting("auto", "auto, stamped (TwistStamped) or unstamped (Twist)")
     other_publishers: str = setting("", "nodes that may publish on cmd_vel too, by spaces")
+    wait_for_recorder: bool = setting(False, "drive only once a recorder hears the velocities")
     base_frame: str = setting("base_link", "frame of the velocities")
     image_topic: str = setting("oakd/rgb/preview/image_raw", "pictures of the camera")
     backend: str = setting("onnx", "what runs the policy's networks: onnx or torch")

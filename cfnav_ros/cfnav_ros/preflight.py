@@ -15,7 +15,10 @@ TYPES = {"stamped": STAMPED, "unstamped": UNSTAMPED}
 MOCK = "mock_turtlebot4"
 """Node name of the simulated base, the only one that may be driven without ``allow_robot``."""
 
-ONLOOKERS = ("recorder", "rosbag2_recorder", "foxglove_bridge")
+RECORDERS = ("recorder", "rosbag2_recorder")
+"""Names of the nodes that record: cfnav's and that of `ros2 bag record`."""
+
+ONLOOKERS = (*RECORDERS, "foxglove_bridge")
 """Nodes that listen to everything and drive nothing."""
 
 COMMAND_LINE = "_ros2cli_"

@@ -16,7 +16,14 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from cfnav_ros import conversions
 from cfnav_ros.motion import STOP, Command
 from cfnav_ros.policy_parameters import PolicyParameters
-from cfnav_ros.preflight import STAMPED, UNSTAMPED, BaseCheck, Endpoint, check_base
+from cfnav_ros.preflight import (
+    RECORDERS,
+    STAMPED,
+    UNSTAMPED,
+    BaseCheck,
+    Endpoint,
+    check_base,
+)
 
 CHECK_S = 0.5
 """Real time between looks at who else is on cmd_vel."""
@@ -54,9 +61,15 @@ class Velocity:
 
     @property
     def matched(self) -> bool:
-        """Whether what is sent now arrives."""
-        ours = int(self.topic in self._ears)
-        return self._publisher is not None and self._publisher.get_subscription_count() > ours
+        """Whether what is sent now arrives at everybody who listens, a recorder included."""
+        if self._publisher is None:
+            return False
+        ears = [
+            info
+            for info in self._node.get_subscriptions_info_by_topic(self.topic)
+            if info.topic_type == self.type
+        ]
+        return self._publisher.get_subscription_count() >= len(ears) > 0
 
     def restart(self) -> None:
         """Begin an episode: look at the base at once, and forget what was before."""
@@ -81,6 +94,8 @@ class Velocity:
         )
         if base.ready:
             self._speak(base.type)
+            if settings.wait_for_recorder and not self._recorded():
+                base = BaseCheck(waiting=f"No recorder hears {self.topic}.")
         self._follow(publishers)
         return BaseCheck(fault=self._somebody) if self._somebody else base
 
@@ -98,6 +113,10 @@ class Velocity:
             message = conversions.twist_stamped(command, stamp, frame)
         self._newest.appendleft(message)
         self._publisher.publish(message)
+
+    def _recorded(self) -> bool:
+        listeners = self._node.get_subscriptions_info_by_topic(self.topic)
+        return self.matched and any(info.node_name in RECORDERS for info in listeners)
 
     def _speak(self, kind: str) -> None:
         if kind == self.type:

@@ -102,6 +102,7 @@ def test_robot_gets_the_file_the_namespace_and_what_was_given(tmp_path: Path) ->
     assert lidar == Part("cfnav_ros", "lidar_collision_node", common)
     assert policy.arguments == (
         *common, "-p", f"bundle:={tmp_path}/bundle", "-p", "goal:=Laptop",
+        "-p", "wait_for_recorder:=true",
     )  # fmt: skip
     assert recorder.arguments == (
         *common, "-p", f"bag:={tmp_path}/bag", "-p", "use_sim_time:=false",
@@ -291,7 +292,7 @@ def test_ctrl_c_while_a_robot_drives_stands_it_still(
         *("--bundle", str(eager_bundle), "--bag", str(tmp_path / "bag")),
         *("--logs", str(tmp_path / "logs")),
     )
-    process.wait_for_line("^recorder_node: recording to", 120)
+    process.wait_for_line("^recorder_node: recording /cmd_vel", 120)
     wait_until_driving()
     assert process.interrupt() == 0, process.output
     assert "Sink: aborted" in process.output

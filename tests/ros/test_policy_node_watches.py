@@ -98,6 +98,20 @@ def test_a_joystick_that_speaks_ends_the_episode_and_its_silence_does_not(graph,
     joystick.destroy_node()
 
 
+def test_a_drive_to_be_recorded_waits_for_its_recorder(graph, make_bundle):
+    waits = ("wait_for_recorder:=true", "episode.preflight_timeout:=2.0")
+    robot, _, _ = graph(make_bundle("MoveAhead"), *waits)
+    _, result = robot.result(robot.send(max_steps=1)[1])
+    assert (result.outcome, result.message) == ("refused", "No recorder hears /cmd_vel.")
+    assert all(command[1:] == (0.0, 0.0) for command in robot.commands)
+    recorder = Node("recorder", context=robot.context)
+    recorder.create_subscription(TwistStamped, "cmd_vel", lambda _: None, 1)
+    robot.wait(lambda: robot.node.count_subscribers("cmd_vel") == 2, "the recorder")
+    _, result = robot.result(robot.send(max_steps=1)[1])
+    assert result.outcome == "step_limit", result.message
+    recorder.destroy_node()
+
+
 def test_pictures_of_another_type_are_named(graph, make_bundle):
     robot, _, _ = graph(make_bundle("MoveAhead"), "episode.preflight_timeout:=2.0")
     robot.silent = {"image"}

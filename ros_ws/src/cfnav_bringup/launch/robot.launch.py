@@ -73,7 +73,9 @@ def nodes(context: LaunchContext) -> list[Node]:
         )
     ]
     if given["drive"] == "true":
-        chosen = {name: given[name] for name in ("bundle", "goal") if given[name]}
+        chosen: dict[str, str | bool] = {n: given[n] for n in ("bundle", "goal") if given[n]}
+        if given["bag"]:
+            chosen["wait_for_recorder"] = True
         made.append(
             Node(
                 package="cfnav_ros",
