@@ -97,6 +97,7 @@ class Episode:
         self._level = 0
         self._motion: Motion | None = None
         self._observed = Inputs()
+        self._heard: list[float] = []
         self._answer: Future | None = None
 
     @property
@@ -250,7 +251,10 @@ class Episode:
             self.fail(str(error))
             return
         estimate = inputs.estimate.estimate
-        probability = self._limits.told(estimate) if self._limits.lidar else None
+        probability = None
+        if self._limits.lidar:
+            probability = self._limits.told(estimate, self._heard)
+            self._heard.append(estimate.probability)
         self._observed = inputs
         self._conduct.look()
         own_too = self._limits.p_hat == "both"

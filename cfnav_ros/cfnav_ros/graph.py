@@ -73,7 +73,8 @@ class GraphConfig:
         lock_step: the simulator waits for the policy at every moment, so that an episode repeats
             itself; no measure of reaction times.
         camera: the robot's: "mast", which tilts, or "preview", as sold, which does not.
-        p_hat: where the collision probability comes from, see ``EpisodeLimits``.
+        p_hat: where the collision probability comes from, see ``EpisodeLimits``; or "true", what
+            the simulator knows, which then speaks in place of the LiDAR node.
         visual_shift: of the pictures against those of training, 0 to 1.
         track: whether ``Graph.track`` follows the true path of each episode.
     """
@@ -103,16 +104,19 @@ class GraphConfig:
         policy: dict[str, object] = {
             "use_sim_time": True,
             "episode.veto": self.veto,
-            "episode.p_hat": self.p_hat,
+            "episode.p_hat": "lidar" if self.p_hat == "true" else self.p_hat,
         }
         if self.camera == "preview":
             policy["episode.has_tilt"] = False
         if self.bundle is not None:
             policy["bundle"] = find_bundle(self.bundle).resolve()
         lock_step = {"lock_step": self.lock_step}
+        lidar = ("cfnav_ros", "lidar_collision_node", {"use_sim_time": True})
+        if self.p_hat == "true":
+            mock["true_estimate"] = True
         return (
             ("sim_bridge", "mock_turtlebot4", mock | lock_step),
-            ("cfnav_ros", "lidar_collision_node", {"use_sim_time": True}),
+            *([] if self.p_hat == "true" else [lidar]),
             ("cfnav_ros", "policy_node", policy | lock_step),
         )
 
@@ -358,7 +362,7 @@ class Graph:
         conditions = {
             "simulator/start_episode of mock_turtlebot4": self._start_client.service_is_ready,
             "simulator/end_episode of mock_turtlebot4": self._end_client.service_is_ready,
-            "collision/estimate of lidar_collision_node": lambda: bool(estimates),
+            "first collision/estimate": lambda: bool(estimates),
             "navigate_to_object of policy_node": self._navigate_client.server_is_ready,
         }
         if recorder := self.recorder:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from random import Random
 from typing import TypeVar
 
 from cfnav_ros.inputs import AgeLimits
@@ -41,7 +43,8 @@ class EpisodeLimits:
     max_pushes: int = setting(8, "times that the base may move by itself in an episode", 1, 1000)
     p_hat: str = setting(
         "lidar",
-        "collision probability: lidar, own (the bundle's; no veto), both (the larger) or zero",
+        "collision probability: lidar, own (the bundle's; no veto) or both (the larger); to study "
+        "what it does: zero, or shuffled (the LiDAR's of any decision so far)",
     )
     veto: bool = setting(True, "the LiDAR may forbid a MoveAhead", live=True)
     veto_probability: float = setting(0.5, "from which it does", 0.001, 1.0, live=True)
@@ -55,8 +58,10 @@ class EpisodeLimits:
     def __post_init__(self) -> None:
         if self.max_steps < 1:
             raise ValueError(f"max_steps is {self.max_steps}, expected at least 1.")
-        if self.p_hat not in ("lidar", "own", "both", "zero"):
-            raise ValueError(f"p_hat is {self.p_hat!r}, expected lidar, own, both or zero.")
+        if self.p_hat not in ("lidar", "own", "both", "zero", "shuffled"):
+            raise ValueError(
+                f"p_hat is {self.p_hat!r}, expected lidar, own, both, zero or shuffled."
+            )
         if not 0 < self.veto_probability <= 1:
             raise ValueError(
                 f"veto_probability is {self.veto_probability}, expected a number in (0, 1]."
@@ -67,9 +72,18 @@ class EpisodeLimits:
         """Whether an episode needs the LiDAR."""
         return self.p_hat != "own"
 
-    def told(self, estimate: Estimate) -> float:
-        """The collision probability that the policy is given of the LiDAR's."""
-        return 0.0 if self.p_hat == "zero" else estimate.probability
+    def told(self, estimate: Estimate, before: Sequence[float] = ()) -> float:
+        """The collision probability that the policy is given of the LiDAR's.
+
+        Args:
+            estimate: of the scan that the decision looks at.
+            before: probabilities of the estimates of the drive's decisions before.
+        """
+        if self.p_hat == "zero":
+            return 0.0
+        if self.p_hat == "shuffled":
+            return Random(len(before)).choice((*before, estimate.probability))
+        return estimate.probability
 
     def forbids(self, estimate: Estimate) -> bool:
         """Whether the LiDAR's veto forbids a MoveAhead."""

@@ -112,7 +112,7 @@ class PolicyNode(Node):
         probability = {
             "lidar": "collision/estimate", "own": "the bundle's own predictor",
             "both": "the larger of collision/estimate and the bundle's own predictor",
-            "zero": "nowhere (zero)",
+            "zero": "nowhere (zero)", "shuffled": "collision/estimate of any decision so far",
         }[episode.p_hat]  # fmt: skip
         veto = "on" if episode.lidar and episode.veto else "off"
         self.get_logger().info(

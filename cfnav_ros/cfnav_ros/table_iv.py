@@ -84,8 +84,11 @@ WAYS = (
     Way("ours (TDANet)", "ours", 12),
     Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
     Way("ours (TDANet), zero for p_hat", "ours", p_hat="zero"),
+    Way("ours (TDANet), shuffled p_hat", "ours", p_hat="shuffled"),
+    Way("ours (TDANet), the true flag for p_hat", "ours", p_hat="true"),
     Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
     Way("Truth (TDANet)", "truth"),
+    Way("Truth (TDANet), the true flag for p_hat", "truth", p_hat="true"),
     Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
     Way("TDANet, LiDAR veto", "plain", veto=True),
     Way("ours (TDANet), LiDAR veto", "ours", veto=True),
@@ -108,7 +111,8 @@ class TableIV:
     seeds: int = 1
     """Training seeds that share the trials."""
     own: bool = True
-    """Also the rows of our own: veto, RGB for or beside the LiDAR, Truth, no visual shift."""
+    """Also the rows of our own: veto, RGB, zero, shuffled or the truth for the LiDAR's p_hat, the
+    method Truth, no visual shift."""
     only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Only these rows, by the method's name, given as often as needed; writes no table."""
     out: Path = Path("out/trials")

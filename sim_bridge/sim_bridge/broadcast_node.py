@@ -190,6 +190,9 @@ class Broadcast:
                 stranger(other)
                 self.rival.out["scan_rival"].publish(other)
             self._send(SCAN, scan)
+            if self._simulator_node.estimate is not None:
+                free = self._simulator.ahead_free()
+                self._simulator_node.estimate.publish(to_msg.true_estimate(free, began))
         self._turn.next()
 
     def _picture(self) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from cfnav_interfaces.msg import GroundTruth
+from cfnav_interfaces.msg import CollisionEstimate, GroundTruth
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from irobot_create_msgs.msg import (
     DockStatus,
@@ -24,6 +24,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Header
 
+from cfnav_core.actions import STEP_M
 from sim_bridge import rplidar
 
 if TYPE_CHECKING:
@@ -275,6 +276,19 @@ def ground_truth(simulator: Simulator, goal_visible: bool, epoch: float = 0.0) -
     message.goal = simulator.goal
     message.shortest_path = simulator.shortest_path
     return message
+
+
+def true_estimate(free: bool, t: float) -> CollisionEstimate:
+    """What a sensor that never errs would say of MoveAhead.
+
+    Args:
+        free: whether it touches nothing.
+        t: s, stamp of the scan beside which it is said.
+    """
+    return CollisionEstimate(
+        header=header(t, "base_link"), probability=float(not free),
+        clearance=STEP_M if free else 0.0, verdict=CollisionEstimate.GOOD, known_fraction=1.0,
+    )  # fmt: skip
 
 
 def occupancy_grid(occupancy: np.ndarray, resolution: float, t: float) -> OccupancyGrid:

@@ -57,8 +57,9 @@ class Mock:
         self.parameters = p = read_parameters(self.robot)
         self.robot.connect(p.clock == "simulated", p.set_up.tilts, p.lock_step)
         self.simulator_node = SimulatorNode(
-            leave, self._start_episode, self._end_episode, self._set_fault, p.lock_step
-        )
+            leave, self._start_episode, self._end_episode, self._set_fault, p.lock_step,
+            p.true_estimate,
+        )  # fmt: skip
         self._pacer = Pacer(p.speed)
         self._lock = LockStep()
         self._promise: Future = Future()

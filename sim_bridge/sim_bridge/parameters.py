@@ -42,6 +42,9 @@ class MockParameters:
     )
     clock: str = _parameter("simulated", "simulated (publishes /clock) or system (stamps only)")
     lock_step: bool = _parameter(False, "stand at every moment until the policy has answered")
+    true_estimate: bool = _parameter(
+        False, "publish collision/estimate, of what truly is, with every scan; no LiDAR node then"
+    )
     faults: str = _parameter("", "YAML file with a list of {fault, at | when, duration}")
     domain_guard: bool = _parameter(True, "refuse to start where another robot publishes")
 

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cfnav_core.actions import STEP_M
 from sim_bridge.base import Base, Motion, Odometry
 from sim_bridge.collisions import Collisions
 from sim_bridge.noise import Noise, NoiseLevels
@@ -201,6 +202,12 @@ class Simulator:
                 dy = max(y0 - pose.y, pose.y - y1, 0.0)
                 distances.append(math.hypot(dx, dy))
         return min(distances)
+
+    def ahead_free(self) -> bool:
+        """Whether MoveAhead would touch nothing from here: the flag that data sets hold."""
+        pose = self.world.pose
+        end = pose.x + STEP_M * math.cos(pose.yaw), pose.y + STEP_M * math.sin(pose.yaw)
+        return self.world.sweep_free((pose.x, pose.y), end)
 
     def command(self, v: float, w: float) -> None:
         """Receive a velocity command now: m/s forward, rad/s counter-clockwise.

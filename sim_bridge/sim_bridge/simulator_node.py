@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from cfnav_interfaces.msg import FaultStatus, GroundTruth, Moment
+from cfnav_interfaces.msg import CollisionEstimate, FaultStatus, GroundTruth, Moment
 from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
@@ -20,6 +20,7 @@ HandOver = Callable[..., Future]
 """Leaves a function and its arguments for the mock's loop; its value comes with the future."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ESTIMATE = "collision/estimate"
 EVERY_FAULT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -31,6 +32,7 @@ class SimulatorNode(Node):
         start_episode, end_episode, set_fault: request and empty response -> response, in the loop;
             or a future that the loop will give it.
         lock_step: whether moments are announced.
+        true_estimate: whether it says on ``collision/estimate`` what truly is.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class SimulatorNode(Node):
         end_episode: Callable[[Any, Any], Any],
         set_fault: Callable[[Any, Any], Any],
         lock_step: bool,
+        true_estimate: bool,
     ) -> None:
         super().__init__("simulator")
         self._hand_over = hand_over
@@ -47,6 +50,7 @@ class SimulatorNode(Node):
         self.truth = publish(GroundTruth, "ground_truth/state", 100)
         self.map = publish(OccupancyGrid, "ground_truth/map", LATCHED)
         self.fault = publish(FaultStatus, "simulator/fault", EVERY_FAULT)
+        self.estimate = publish(CollisionEstimate, ESTIMATE, 5) if true_estimate else None
         self.moment = publish(Moment, "simulator/moment", LATCHED) if lock_step else None
         for kind, name, answer in (
             (StartEpisode, "start_episode", start_episode),

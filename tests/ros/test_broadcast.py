@@ -23,6 +23,7 @@ from sim_bridge.world import World  # noqa: E402
 from tests.sim.test_simulator import bare_room  # noqa: E402
 
 CLOCK, TRUTH, RIVAL = "/clock", "the truth", "the rival's scan"
+ESTIMATE = "the true estimate"
 
 
 def test_time_goes_out_before_everything_of_its_moment():
@@ -40,7 +41,7 @@ def test_time_goes_out_before_everything_of_its_moment():
         picture=lambda dt: np.zeros((32, 32, 3), np.uint8),
     )
     robot = SimpleNamespace(out={topic: ear(topic) for topic in TOPICS})
-    simulator_node = SimpleNamespace(truth=ear(TRUTH))
+    simulator_node = SimpleNamespace(truth=ear(TRUTH), estimate=ear(ESTIMATE))
     clock, parameters = RobotClock(), MockParameters()
     out = Broadcast(robot, simulator_node, stage, clock, FaultSchedule(), parameters)
     out.rival = SimpleNamespace(out={"scan_rival": ear(RIVAL)})
@@ -52,4 +53,4 @@ def test_time_goes_out_before_everything_of_its_moment():
         assert sent[:1] == [CLOCK] * bool(sent)
         assert sent.count(CLOCK) <= 1
         heard |= set(sent)
-    assert heard >= {CLOCK, TRUTH, RIVAL, "scan", "odom"}
+    assert heard >= {CLOCK, TRUTH, ESTIMATE, RIVAL, "scan", "odom"}

@@ -138,6 +138,17 @@ def test_the_policy_can_be_told_nothing_while_the_lidar_guards_the_way():
     assert [record.vetoed for _, record in robot.records] == [True, False]
 
 
+def test_a_shuffled_probability_is_one_of_those_of_the_decisions_so_far():
+    robot = Robot()
+    episode, policy = episode_of(*[Action.RotateLeft] * 12, Action.Done, p_hat="shuffled")
+    said = [n / 100 for n in range(13)]
+    for n, probability in enumerate(said):
+        robot.estimate = dataclasses.replace(robot.estimate, probability=probability)
+        robot.run(episode, until=lambda _, n=n: len(policy.seen) > n)
+    assert policy.seen != said
+    assert all(given in said[: n + 1] for n, given in enumerate(policy.seen))
+
+
 @pytest.mark.parametrize("p_hat", ["lidar", "both"])
 def test_the_bundles_own_probability_counts_beside_the_lidars_when_told_so(p_hat):
     robot = Robot()

@@ -275,5 +275,7 @@ def test_bad_limits_are_refused():
         EpisodeLimits(max_steps=0)
     with pytest.raises(ValueError, match="veto_probability is 0"):
         EpisodeLimits(veto_probability=0.0)
-    with pytest.raises(ValueError, match="p_hat is 'rgb', expected lidar, own, both or zero"):
+    with pytest.raises(
+        ValueError, match="p_hat is 'rgb', expected lidar, own, both, zero or shuffled"
+    ):
         EpisodeLimits(p_hat="rgb")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
@@ -166,3 +167,42 @@ def test_the_graph_drives_what_is_missing(
         assert way == pytest.approx(row["path_length_m"], abs=0.05)
         assert row["track"][-1][2] == row["collisions"]
     assert len(list((config.out / "maps").iterdir())) == 3
+
+
+@pytest.mark.ros
+def test_the_simulator_tells_the_truth_in_place_of_the_lidar(
+    tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from cfnav_ros.graph import Graph, GraphConfig
+
+    for name in ("ROS_DOMAIN_ID", "ROS_LOG_DIR"):  # the graph sets them
+        monkeypatch.setenv(name, os.environ.get(name, ""))
+    room = "bathroom:20"
+    world = World(generate_room(*parse_room(room)))
+    x, y, yaw = _two_steps_from_an_obstacle(world)
+    bundle = make_bundle(tmp_path, {"Sink": [*[Action.MoveAhead] * 3, Action.Done]})
+    config = GraphConfig(
+        room, tmp_path / "logs", 0.0, bundle, veto=False, lock_step=True, p_hat="true",
+        domain=ros_domain_id,
+    )  # fmt: skip
+    with Graph(config) as graph:
+        assert set(graph.children) == {"mock_turtlebot4", "policy_node"}
+        assert graph.start_episode(room, "Sink", 0, (x, y, yaw)).ok
+        heard: list[float] = []
+        outcome = graph.run_episode(
+            room, "Sink", on_step=lambda step: heard.append(step.collision_probability)
+        )
+    assert heard == [0.0, 0.0, 1.0, heard[3]]
+    assert outcome.collisions > 0
+
+
+def _two_steps_from_an_obstacle(world: World) -> tuple[float, float, float]:
+    """A pose from which MoveAhead is free twice, with 3 cm to spare, and then hits something."""
+    for x in np.arange(0.3, world.room.width, 0.05):
+        for y in np.arange(0.3, world.room.depth, 0.05):
+            for yaw in np.arange(8) * np.pi / 4:
+                c, s = np.cos(yaw), np.sin(yaw)
+                free, blocked = ((x + d * c, y + d * s) for d in (0.56, 0.68))
+                if world.sweep_free((x, y), free) and not world.free(*blocked):
+                    return float(x), float(y), float(yaw)
+    raise AssertionError(f"{world.room.name} has no such place")

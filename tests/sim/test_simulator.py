@@ -47,6 +47,15 @@ def drive(simulator, v, w, seconds):
     return began
 
 
+def test_the_way_ahead_is_free_when_hull_and_mast_reach_its_end(simulator):
+    nearest = WALL_X - HULL_RADIUS - 0.25
+    for x, free in ((nearest - 0.02, True), (nearest + 0.02, False)):
+        simulator.place(x, 2.0, 0.0)
+        assert simulator.ahead_free() is free
+        simulator.place(x, 2.0, math.pi)
+        assert simulator.ahead_free()
+
+
 def test_straight_drive_has_the_length_of_its_speed_profile(simulator):
     # 0.2 m/s for 2 s: speeding up loses what braking adds, so 0.4 m in all.
     drive(simulator, 0.2, 0.0, 2.0)

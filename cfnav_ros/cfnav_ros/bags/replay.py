@@ -107,6 +107,7 @@ class Replay:
         self._pictures = KeptPictures()
         self._waiting: deque[_Asked | Told] = deque()
         self._open: list[ReplayStep] = []
+        self._heard: list[float] = []
         self._goal, self._driver = "", ""
         self._drive_ns = self._step = 0
         self._driven = DrivenActions() if infer else None
@@ -137,6 +138,7 @@ class Replay:
         """
         self.end(t_ns)
         self._goal, self._driver, self._drive_ns = goal, driver, t_ns
+        self._heard.clear()
         for runner in self._runners:
             why = runner.policy.admits(goal)
             runner.refused = f"The bundle does not take this goal: {why}." if why else ""
@@ -258,6 +260,10 @@ class Replay:
             return
         self._look(moment.picture.t_ns, moment.t_ns, rgb)
         looks: dict[str, Observation] = {}
+        judged = moment.estimate
+        given = self._limits.told(judged.estimate, self._heard) if judged else None
+        if judged:
+            self._heard.append(judged.estimate.probability)
         for runner in self._runners:
             if runner.refused:
                 self._refuse(runner.name, moment, runner.refused)
@@ -266,7 +272,7 @@ class Replay:
             try:
                 if policy.perception not in looks:
                     looks[policy.perception] = policy.look(rgb)
-                self._open.append(self._step_of(runner, looks[policy.perception], moment))
+                self._open.append(self._step_of(runner, looks[policy.perception], moment, given))
             except ValueError as error:
                 runner.intact = False
                 self._refuse(runner.name, moment, f"The policy failed: {error}.")
@@ -276,10 +282,11 @@ class Replay:
         """One bundle does not answer a decision."""
         self.left_out.append(LeftOut(bundle, self._drive_ns, moment.step, moment.t_ns, reason))
 
-    def _step_of(self, runner: _Runner, seen: Observation, moment: _Moment) -> ReplayStep:
+    def _step_of(
+        self, runner: _Runner, seen: Observation, moment: _Moment, given: float | None
+    ) -> ReplayStep:
         judged = moment.estimate
         p_hat_rgb = runner.policy.predict_collision(seen)
-        given = self._limits.told(judged.estimate) if judged else None
         decision = runner.policy.decide(seen, given, self._limits.p_hat == "both")
         looks = [j.estimate for j in (judged, moment.newest) if j] if judged else []
         vetoed = decision.action is Action.MoveAhead and any(map(self._limits.forbids, looks))
