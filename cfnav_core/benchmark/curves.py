@@ -22,6 +22,9 @@ from cfnav_core.whole import whole, writing
 
 PANELS = {"cf_sr": "training rooms", "validation_cf_sr": "unseen rooms (validation)"}
 
+LAST = 5
+"""Points at the end of a curve whose mean is said."""
+
 COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#0072b2")
 """Of Okabe and Ito, told apart by colour-blind people too."""
 
@@ -90,6 +93,24 @@ def draw_curves(curves: Sequence[tuple[str, Sequence[Curve], int]], path: Path) 
         axes[0].legend(frameon=False, fontsize=8)
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")
+
+
+def gaps_as_markdown(curves: Sequence[tuple[str, Sequence[Curve], int]]) -> str:
+    """How far each method is better where it was trained, percent, at the ends of its curves.
+
+    Args:
+        curves: as ``draw_curves`` takes them.
+    """
+    lines = ["| method | training rooms | unseen rooms | gap |", "|" + "---|" * 4]
+    for name, seeds, _ in curves:
+        known, unseen = (np.array([c.values[key][-LAST:].mean() for c in seeds]) for key in PANELS)
+        values = (f"{100 * y.mean():.1f}{_spread(y)}" for y in (known, unseen, known - unseen))
+        lines.append(f"| {name} | " + " | ".join(values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _spread(of_seeds: np.ndarray) -> str:
+    return f" ± {100 * of_seeds.std(ddof=1):.1f}" if len(of_seeds) > 1 else ""
 
 
 def _together(curves: Sequence[Curve], key: str) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cfnav_core.benchmark.command import Benchmark
-from cfnav_core.benchmark.curves import Curve, draw_curves
+from cfnav_core.benchmark.curves import Curve, draw_curves, gaps_as_markdown
 from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places, jobs_of
 from cfnav_core.benchmark.pages import Figures, write_tables
@@ -19,6 +19,7 @@ from cfnav_core.benchmark.tables import Bench, episodes_of, figures_of, figures_
 from cfnav_core.benchmark.work import Task
 from cfnav_core.knowledge.command import WORDS, KnowledgeCommand
 from cfnav_core.run_files import BEST
+from cfnav_core.whole import write_file
 
 PATHS = 3
 """Episodes in the path figure."""
@@ -149,6 +150,7 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
             for jobs in [[bench.job(row, seed) for seed in range(bench.seeds)]]
         ]  # fmt: skip
         draw_curves(curves, results / f"curves_{table}.png")
+        write_file(results / f"curves_{table}.md", gaps_as_markdown(curves))
     studied = [row for row in rows if (row.model, row.split) == (model, split)]
     ours = next(
         (row for row in studied if row.table in ("I", "II", "III") and row.method == "ours"), None

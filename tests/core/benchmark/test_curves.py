@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from cfnav_core.benchmark.curves import Curve
+import numpy as np
+
+from cfnav_core.benchmark.curves import Curve, gaps_as_markdown
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.run_files import LOG
 
@@ -30,3 +32,16 @@ def test_a_shared_stage_one_ends_with_the_round_that_passed_its_last_episode(
     assert curve.values["cf_sr"].tolist() == [0.1, 0.2, 0.3, 0.4]
     assert curve.values["validation_cf_sr"].tolist() == [0.05, 0.1, 0.15, 0.2]
     assert Curve.read(ours, places).episodes.tolist() == [end - 5000, end + 12, end + 5000]
+
+
+def test_the_gap_is_that_of_the_ends_of_the_curves() -> None:
+    def curve(known: list[float], unseen: list[float]) -> Curve:
+        values = {"cf_sr": np.array(known), "validation_cf_sr": np.array(unseen)}
+        return Curve(np.arange(len(known)), values)
+
+    a = curve([0.0, *[0.6] * 5], [1.0, *[0.4] * 5])
+    b = curve([0.0, *[0.8] * 5], [1.0, *[0.4] * 5])
+    assert gaps_as_markdown([("CP Only", [a, b], 1), ("ours", [a], 1)]).splitlines()[2:] == [
+        "| CP Only | 70.0 ± 14.1 | 40.0 ± 0.0 | 30.0 ± 14.1 |",
+        "| ours | 60.0 | 40.0 | 20.0 |",
+    ]
