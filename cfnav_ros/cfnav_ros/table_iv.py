@@ -253,13 +253,18 @@ def world_source() -> str:
 
 
 def _keep_map(out: Path, room: str, message: Any) -> None:
-    """Keep the map of a room, for the figure."""
+    """Keep the map of a room and where its goals are, for the figure."""
+    from sim_bridge.room import generate_room, parse_room
+
     path = out / "maps" / f"{room.replace(':', '_')}.npz"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         info = message.info
         cells = np.array(message.data, np.int8).reshape(info.height, info.width)
-        np.savez_compressed(path, occupied=cells > 0, resolution=info.resolution)
+        objects = generate_room(*parse_room(room)).objects
+        boxes = {goal: [o.footprint for o in objects if o.name == goal] for goal in GOALS}
+        goals: dict[str, Any] = {g: np.array(found, np.float32) for g, found in boxes.items()}
+        np.savez_compressed(path, occupied=cells > 0, resolution=info.resolution, **goals)
 
 
 def _write(config: TableIV, ways: Sequence[Way]) -> None:

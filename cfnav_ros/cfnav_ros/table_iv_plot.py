@@ -10,12 +10,26 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from cfnav_ros.bags.contacts import Contact
 from cfnav_ros.bags.events import OccupancyMap
-from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, png
+from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, PURPLE, png
 from cfnav_ros.trajectory_plot import HULL_RADIUS_M, draw_contact, draw_path, draw_room, merged
+
+
+def _disc(fill: str, edge: str, label: str) -> Line2D:
+    return Line2D([], [], ls="", marker="o", ms=9, mfc=fill, mec=edge, label=label)
+
+
+LEGEND = (
+    _disc("none", LIGHT.ink, "start"),
+    Line2D([], [], ls="", marker="*", ms=9, color=PURPLE, label="the goal"),
+    _disc(GREEN, GREEN, "end: the goal was reached"),
+    _disc(ORANGE, ORANGE, "end: it was missed"),
+    _disc(LIGHT.red, LIGHT.red, "collisions at one place"),
+)
 
 
 def draw_table_iv(driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path) -> bytes:
@@ -23,7 +37,7 @@ def draw_table_iv(driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path) ->
 
     Args:
         driven: trials by method, each as ``table_iv`` writes it, all methods the same trials.
-        maps: folder of the rooms' maps.
+        maps: folder of the rooms' maps, with the footprints of their goals.
     """
     columns = max(len(trials) for trials in driven.values())
     with mpl.rc_context({"font.size": 8}):
@@ -33,6 +47,7 @@ def draw_table_iv(driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path) ->
             for ax, trial in zip(axes, trials, strict=True):
                 _draw(ax, trial, maps / f"{trial['room'].replace(':', '_')}.npz")
             axes[0].set_ylabel(name, fontsize=10)
+        figure.legend(handles=LEGEND, loc="outside lower center", ncols=len(LEGEND), frameon=False)
         return png(figure)
 
 
@@ -41,7 +56,9 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path) -> None:
         room = OccupancyMap(
             t_ns=0, occupied=kept["occupied"], resolution=float(kept["resolution"]), origin=(0, 0)
         )
+        x0, y0, x1, y1 = kept[trial["goal"]].T
     draw_room(ax, room, LIGHT)
+    ax.plot((x0 + x1) / 2, (y0 + y1) / 2, "*", color=PURPLE, ms=10, zorder=5)
     track = np.array(trial["track"])
     draw_path(ax, track, LIGHT)
     (x0, y0, _), (x1, y1, _) = track[0], track[-1]
@@ -54,6 +71,6 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path) -> None:
         draw_contact(ax, contact, LIGHT)
     ended = "reached" if trial["success"] else "missed"
     touched = f"{trial['collisions']} collisions" if trial["collisions"] else "nothing touched"
-    ax.set_title(f"{trial['goal']}, {trial['room']}: {ended}, {touched}")
+    ax.set_title(f"{trial['goal']} in {trial['room']}\n{ended}, {touched}")
     ax.set_xticks([])
     ax.set_yticks([])

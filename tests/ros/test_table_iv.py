@@ -92,7 +92,8 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     for room in ROOMS:
         cells = np.eye(100, dtype=bool)
         name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
-        np.savez(name, occupied=cells, resolution=0.05)
+        boxes = dict.fromkeys(GOALS, np.array([[1.0, 1.0, 1.2, 1.4]]))
+        np.savez(name, occupied=cells, resolution=0.05, **boxes)
     for method, successes in zip(METHODS, (3, 6, 9, 12), strict=True):
         _driven(config.out / f"{method}_seed0_15.jsonl", config, method, successes)
     run(config)
@@ -167,6 +168,8 @@ def test_the_graph_drives_what_is_missing(
         assert way == pytest.approx(row["path_length_m"], abs=0.05)
         assert row["track"][-1][2] == row["collisions"]
     assert len(list((config.out / "maps").iterdir())) == 3
+    with np.load(config.out / "maps" / "living_room_77.npz") as kept:
+        assert all(kept[goal].shape[1] == 4 and len(kept[goal]) for goal in GOALS)
 
 
 @pytest.mark.ros
