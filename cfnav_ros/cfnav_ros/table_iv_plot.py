@@ -18,6 +18,9 @@ from cfnav_ros.bags.events import OccupancyMap
 from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, PURPLE, png
 from cfnav_ros.trajectory_plot import HULL_RADIUS_M, draw_contact, draw_path, draw_room, merged
 
+Places = Mapping[str, Sequence[tuple[float, float]]]
+"""By goal: x and y of each, metres."""
+
 
 def _disc(fill: str, edge: str, label: str) -> Line2D:
     return Line2D([], [], ls="", marker="o", ms=9, mfc=fill, mec=edge, label=label)
@@ -32,12 +35,15 @@ LEGEND = (
 )
 
 
-def draw_table_iv(driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path) -> bytes:
+def draw_table_iv(
+    driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path, places: Mapping[str, Places]
+) -> bytes:
     """Draw a row of rooms for each method; returns a PNG file.
 
     Args:
         driven: trials by method, each as ``table_iv`` writes it, all methods the same trials.
-        maps: folder of the rooms' maps, with the footprints of their goals.
+        maps: folder of the rooms' maps.
+        places: of the goals in each room.
     """
     columns = max(len(trials) for trials in driven.values())
     with mpl.rc_context({"font.size": 8}):
@@ -45,20 +51,20 @@ def draw_table_iv(driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path) ->
         grid = figure.subplots(len(driven), columns, squeeze=False)
         for axes, (name, trials) in zip(grid, driven.items(), strict=True):
             for ax, trial in zip(axes, trials, strict=True):
-                _draw(ax, trial, maps / f"{trial['room'].replace(':', '_')}.npz")
+                room = trial["room"]
+                _draw(ax, trial, maps / f"{room.replace(':', '_')}.npz", places[room])
             axes[0].set_ylabel(name, fontsize=10)
         figure.legend(handles=LEGEND, loc="outside lower center", ncols=len(LEGEND), frameon=False)
         return png(figure)
 
 
-def _draw(ax: Axes, trial: dict[str, Any], path: Path) -> None:
+def _draw(ax: Axes, trial: dict[str, Any], path: Path, places: Places) -> None:
     with np.load(path) as kept:
         room = OccupancyMap(
             t_ns=0, occupied=kept["occupied"], resolution=float(kept["resolution"]), origin=(0, 0)
         )
-        x0, y0, x1, y1 = kept[trial["goal"]].T
     draw_room(ax, room, LIGHT)
-    ax.plot((x0 + x1) / 2, (y0 + y1) / 2, "*", color=PURPLE, ms=10, zorder=5)
+    ax.plot(*np.transpose(places[trial["goal"]]), "*", color=PURPLE, ms=10, zorder=5)
     track = np.array(trial["track"])
     draw_path(ax, track, LIGHT)
     (x0, y0, _), (x1, y1, _) = track[0], track[-1]
