@@ -17,6 +17,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.benchmark.pages import spread
+from cfnav_core.benchmark.statistics import over_seeds
 from cfnav_core.run_files import LOG
 from cfnav_core.whole import whole, writing
 
@@ -103,14 +105,13 @@ def gaps_as_markdown(curves: Sequence[tuple[str, Sequence[Curve], int]]) -> str:
     """
     lines = ["| method | training rooms | unseen rooms | gap |", "|" + "---|" * 4]
     for name, seeds, _ in curves:
-        known, unseen = (np.array([c.values[key][-LAST:].mean() for c in seeds]) for key in PANELS)
-        values = (f"{100 * y.mean():.1f}{_spread(y)}" for y in (known, unseen, known - unseen))
-        lines.append(f"| {name} | " + " | ".join(values) + " |")
+        known, unseen = (np.array([c.values[key][-LAST:] for c in seeds]) for key in PANELS)
+        cells = [name]
+        for ends in (known, unseen, known - unseen):
+            mean, std = over_seeds(ends)
+            cells.append(spread(mean, std if len(seeds) > 1 else None))
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
-
-
-def _spread(of_seeds: np.ndarray) -> str:
-    return f" ± {100 * of_seeds.std(ddof=1):.1f}" if len(of_seeds) > 1 else ""
 
 
 def _together(curves: Sequence[Curve], key: str) -> tuple[np.ndarray, np.ndarray]:

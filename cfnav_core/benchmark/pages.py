@@ -188,10 +188,10 @@ def as_markdown(rows: Sequence[Figures]) -> str:
     ]
     for r in rows:
         cells = (
-            r.split, r.row, _percent(r.paper_cf_sr), _spread(r.cf_sr_mean, r.cf_sr_std),
+            r.split, r.row, _percent(r.paper_cf_sr), spread(r.cf_sr_mean, r.cf_sr_std),
             _signed(r.paper_gain), _change(r.gain, r.gain_ci95),
             _change(r.over_own, r.over_own_ci95), _percent(r.paper_cf_spl),
-            _spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
+            spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
             _change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
         )  # fmt: skip
         lines.append("| " + " | ".join(cells) + " |")
@@ -217,7 +217,8 @@ def _signed(value: float | None) -> str:
     return "" if value is None else f"{100 * value:+.1f}"
 
 
-def _spread(mean: float, std: float | None) -> str:
+def spread(mean: float, std: float | None) -> str:
+    """A share as percent, with its standard deviation over seeds unless there is only one."""
     return _percent(mean) + ("" if std is None else f" ± {100 * std:.1f}")
 
 

@@ -204,7 +204,10 @@ class Simulator:
         return min(distances)
 
     def ahead_free(self) -> bool:
-        """Whether MoveAhead would touch nothing from here: the flag that data sets hold."""
+        """Whether a MoveAhead of 0.25 m would touch nothing from here.
+
+        Data sets hold the opposite for the states of their grid, whose diagonal steps are longer.
+        """
         pose = self.world.pose
         end = pose.x + STEP_M * math.cos(pose.yaw), pose.y + STEP_M * math.sin(pose.yaw)
         return self.world.sweep_free((pose.x, pose.y), end)
