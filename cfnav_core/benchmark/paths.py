@@ -11,14 +11,33 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from cfnav_core.actions import Action
+from cfnav_core.benchmark.tested import Tested
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Candidate, Episodes, Trace, run_episodes
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.whole import whole, writing
 
 CELL_M = 0.25
+
+FLOOR, SEEN_FROM = "0.92", "#cfe8f7"
+WAY, REACHED, MISSED, TOUCHED = "#0072b2", "#009e73", "0.3", "#d55e00"
+
+
+def _mark(marker: str, colour: str, label: str, size: float = 5) -> Line2D:
+    return Line2D([], [], ls="", marker=marker, ms=size, color=colour, label=label)
+
+
+LEGEND = (
+    _mark("s", FLOOR, "where the robot can stand", 9),
+    _mark("s", SEEN_FROM, "where it can see the goal", 9),
+    _mark("o", WAY, "start"),
+    _mark("s", REACHED, "end: the goal was reached"),
+    _mark("s", MISSED, "end: it was missed"),
+    Line2D([], [], ls="", marker="o", ms=9, mfc="none", mec=TOUCHED, label="collisions, how many"),
+)
 
 
 @dataclass(frozen=True)
@@ -60,38 +79,44 @@ class Pair:
     after: Way
 
 
-def find_pairs(before: Path, after: Path, scenes: Path, frozen: Path, count: int) -> list[Pair]:
-    """Drive frozen episodes with two policies and keep the most telling ones.
+def find_pairs(
+    before: Path, after: Path, tested: tuple[Tested, Tested], scenes: Path, frozen: Path, count: int
+) -> list[Pair]:
+    """Find the most telling test episodes and drive them again with both policies.
 
     Args:
         before, after: checkpoints.
+        tested: what they reached in the frozen episodes.
         scenes: folder of the scenes.
         frozen: file of the episodes.
-        count: how many to keep, of different rooms: those in which the first collided most often
+        count: how many at most, of different rooms: those in which the first collided most often
             and the second reached the goal without a touch. There may be none.
     """
-    bank, episodes, ways = None, None, []
-    for path in (before, after):
-        candidate = Candidate.load(path)
-        starts = read_episodes(frozen)
-        bank = SceneBank.load(scenes, sorted({s.scene for s in starts}))
-        episodes = Episodes.thaw(bank, starts)
-        trace: list[Trace] = []
-        results = run_episodes(candidate.networks, bank, episodes, trace=trace)
-        ways.append((results, trace))
-    assert bank is not None
-    assert episodes is not None
-    (first, first_trace), (second, second_trace) = ways
-    chosen: dict[int, int] = {}
-    for n in sorted(range(len(first)), key=lambda n: -first[n].collisions):
-        room = int(bank.scene[episodes.states[n]])
-        if first[n].collisions and second[n].cf_success and room not in chosen:
-            chosen[room] = n
-    return [
-        _pair(bank, episodes, n, _way(bank, first_trace, n, first[n].success),
-              _way(bank, second_trace, n, second[n].success))
-        for n in list(chosen.values())[:count]
-    ]  # fmt: skip
+    chosen = telling(*tested)[:count]
+    if not chosen:
+        return []
+    every = read_episodes(frozen)
+    starts = [every[n] for n in chosen]
+    bank = SceneBank.load(scenes, sorted({s.scene for s in starts}))
+    episodes = Episodes.thaw(bank, starts)
+    driven = [_drive(path, bank, episodes) for path in (before, after)]
+    return [_pair(bank, episodes, n, *ways) for n, ways in enumerate(zip(*driven, strict=True))]
+
+
+def telling(first: Tested, second: Tested) -> list[int]:
+    """Episodes that the first collided in and the second drove clean, worst first, one a room."""
+    chosen: dict[str, int] = {}
+    for n in np.argsort(-first.collisions, kind="stable"):
+        if first.collisions[n] and second.cf_success[n]:
+            chosen.setdefault(str(first.rooms[n]), int(n))
+    return list(chosen.values())
+
+
+def _drive(path: Path, bank: SceneBank, episodes: Episodes) -> list[Way]:
+    """All the episodes with one policy."""
+    trace: list[Trace] = []
+    results = run_episodes(Candidate.load(path).networks, bank, episodes, trace=trace)
+    return [_way(bank, trace, n, result.success) for n, result in enumerate(results)]
 
 
 def _way(bank: SceneBank, trace: Sequence[Trace], episode: int, success: bool) -> Way:
@@ -142,28 +167,29 @@ def draw_paths(pairs: Sequence[Pair], names: tuple[str, str], path: Path) -> Non
                 ended = "reached" if way.success else "missed"
                 touched = int(way.collided.sum())
                 ax.set_title(f"{pair.scene}, {pair.goal}: {name}\n{ended}, {touched} collisions")
+        figure.legend(handles=LEGEND, loc="outside lower center", ncols=3, frameon=False)
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")
 
 
 def _draw(ax: Axes, pair: Pair, way: Way) -> None:
-    for cells, colour in ((pair.cells, "0.92"), (pair.seen_from, "#cfe8f7")):
+    for cells, colour in ((pair.cells, FLOOR), (pair.seen_from, SEEN_FROM)):
         for x, y in cells:
             corner = (x - CELL_M / 2, y - CELL_M / 2)
             ax.add_patch(mpl.patches.Rectangle(corner, CELL_M, CELL_M, color=colour, lw=0))
-    ax.plot(*way.at.T, color="#0072b2", lw=1.2)
+    ax.plot(*way.at.T, color=WAY, lw=1.2)
     (x0, y0), (x1, y1) = way.at[0], way.at[-1]
-    ax.scatter(x0, y0, color="#0072b2", s=25, zorder=3)
-    ax.scatter(x1, y1, color="#009e73" if way.success else "0.3", marker="s", s=25, zorder=3)
+    ax.scatter(x0, y0, color=WAY, s=25, zorder=3)
+    ax.scatter(x1, y1, color=REACHED if way.success else MISSED, marker="s", s=25, zorder=3)
     for (x, y), count in way.repeated().items():
-        ax.scatter(x, y, s=90, facecolors="none", edgecolors="#d55e00", linewidths=1.5, zorder=4)
+        ax.scatter(x, y, s=90, facecolors="none", edgecolors=TOUCHED, linewidths=1.5, zorder=4)
         if count > 1:
             ax.annotate(
                 f"\N{MULTIPLICATION SIGN}{count}",
                 (x, y),
                 (6, 6),
                 textcoords="offset points",
-                color="#d55e00",
+                color=TOUCHED,
             )
     ax.set_aspect("equal")
     ax.set_axis_off()

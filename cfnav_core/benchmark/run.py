@@ -156,14 +156,14 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
         (row for row in studied if row.table in ("I", "II", "III") and row.method == "ours"), None
     )
     if ours and ours.reference:
-        before, after = (
-            bench.job(row, 0).options(bench.places).out / BEST for row in (ours.reference, ours)
-        )
+        compared = (ours.reference, ours)
+        before, after = (bench.job(row, 0).options(bench.places).out / BEST for row in compared)
         if not (before.exists() and after.exists()):
             print("no picture of paths: the weights of seed 0 are not here")
             return
+        tested = bench.tested(ours.reference)[0], bench.tested(ours)[0]
         frozen = bench.test(ours).frozen
-        pairs = find_pairs(before, after, bench.places.scenes, frozen, PATHS)
+        pairs = find_pairs(before, after, tested, bench.places.scenes, frozen, PATHS)
         if pairs:
             draw_paths(pairs, (NAMES[model], ours.name), results / "paths.png")
         else:
