@@ -189,10 +189,10 @@ def as_markdown(rows: Sequence[Figures]) -> str:
     for r in rows:
         cells = (
             r.split, r.row, _percent(r.paper_cf_sr), spread(r.cf_sr_mean, r.cf_sr_std),
-            _signed(r.paper_gain), _change(r.gain, r.gain_ci95),
-            _change(r.over_own, r.over_own_ci95), _percent(r.paper_cf_spl),
+            _signed(r.paper_gain), change(r.gain, r.gain_ci95),
+            change(r.over_own, r.over_own_ci95), _percent(r.paper_cf_spl),
             spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
-            _change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
+            change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
         )  # fmt: skip
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
@@ -203,7 +203,7 @@ def long_as_markdown(rows: Sequence[Figures]) -> str:
     lines = ["| data | row | episodes a seed | CF-SR | gain [95 %] |", "|" + "---|" * 5]
     lines += [
         f"| {r.split} | {r.row} | {r.long_episodes:,} | {_percent(r.long_cf_sr_mean)} "
-        f"| {_change(r.long_gain, r.long_gain_ci95)} |"
+        f"| {change(r.long_gain, r.long_gain_ci95)} |"
         for r in rows
     ]
     return "\n".join(lines) + "\n"
@@ -222,7 +222,8 @@ def spread(mean: float, std: float | None) -> str:
     return _percent(mean) + ("" if std is None else f" ± {100 * std:.1f}")
 
 
-def _change(gain: float | None, ends: tuple[float, float] | None) -> str:
+def change(gain: float | None, ends: tuple[float, float] | None) -> str:
+    """A difference with its interval, percent; empty when there is none."""
     if gain is None or ends is None:
         return ""
     return f"{_signed(gain)} [{_signed(ends[0])}, {_signed(ends[1])}]"

@@ -13,7 +13,6 @@ import sys
 import time
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from cfnav_core.agent import new_agent
@@ -26,9 +25,9 @@ from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes
 from cfnav_core.knowledge.files import load_knowledge
 from cfnav_core.published.start_states import read_episodes, write_episodes
-from cfnav_core.rooms import SPLITS, parse_room, parse_rooms, room_folder
+from cfnav_core.rooms import parse_room, room_folder
 from cfnav_core.scene import LIDAR, SCENE, SceneError
-from tests.core.worlds import hall
+from tests.core.benchmark.halls import make_halls
 
 TABLES = ("I", "own")
 OF = "data2_mjolnir_{}_seed0_*"
@@ -39,12 +38,7 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> Benchmark:
     """The rooms of data2, each a small hall, and episodes in those that test."""
     folder = tmp_path_factory.mktemp("benchmark")
     scenes, episodes = folder / "rooms", folder / "episodes"
-    for kind, seed in parse_rooms(["data2"]):
-        scene = hall(4, 4, ((1 + seed % 2, 2),), name=f"{kind}:{seed}", seed=0)
-        place = room_folder(scenes, kind, seed)
-        scene.save(place)
-        if seed in SPLITS["data2"]["test"]:
-            np.save(place / LIDAR, scene.collided.astype(np.float32))
+    make_halls(scenes)
     bank = SceneBank.load(scenes, ["data2:test"])
     write_episodes(episodes / "data2_test.json", Episodes.draw(bank, 60, seed=1).freeze(bank), ())
     return Benchmark(

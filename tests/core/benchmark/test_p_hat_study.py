@@ -1,0 +1,63 @@
+"""``python -m cfnav_core.benchmark.p_hat_study`` beside a tiny grid."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from cfnav_core.benchmark.command import Benchmark
+from cfnav_core.benchmark.p_hat_study import Study, run
+from cfnav_core.benchmark.run import run_benchmark
+from cfnav_core.checkpoint import load_tensors
+from tests.core.benchmark.halls import make_halls
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    folder = tmp_path_factory.mktemp("study")
+    make_halls(folder / "rooms")
+    grid = Benchmark(
+        ("own",), folder / "rooms", folder / "grid", seeds=1, preset="tiny", model=("tdanet",),
+        jobs=2, train_only=True, device="cpu",
+    )  # fmt: skip
+    run_benchmark(grid, "")
+    return Study(
+        grid.scenes, grid.out, folder / "results", seeds=1, episodes=40, jobs=2, preset="tiny",
+        model=("tdanet",),
+    )  # fmt: skip
+
+
+def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
+    before = {path: path.stat().st_mtime_ns for path in study.grid.glob("runs/*/*")}
+    run(study)
+    rows = json.loads((study.results / "p_hat.json").read_text())["rows"]
+    assert all(row["commit"] for row in rows)
+    by = {(row["variant"], row["p_hat"]): row for row in rows}
+    assert len(by) == len(rows) == 1 + 3 * 6
+    plain, *others = rows
+    assert (plain["variant"], plain["over_plain"]) == ("plain", None)
+    for row in others:
+        scalar = by["ours: one number of the LSTM's input", row["p_hat"]]
+        over = None if row is scalar else row["cf_sr_mean"] - scalar["cf_sr_mean"]
+        assert row["over_scalar"] == (over if over is None else pytest.approx(over))
+        assert row["over_plain"] == pytest.approx(row["cf_sr_mean"] - plain["cf_sr_mean"])
+    (best,) = study.grid.glob("p_hat/*/best.safetensors")
+    assert load_tensors(best)[1]["config"]["listening"]
+    assert {path: path.stat().st_mtime_ns for path in study.grid.glob("runs/*/*")} == before
+    page = (study.results / "p_hat.md").read_text()
+    assert page.count("\n") == 2 + len(rows)
+
+
+def test_it_goes_on_without_training_again(study: Study) -> None:
+    (best,) = study.grid.glob("p_hat/*/best.safetensors")
+    before, page = best.stat().st_mtime_ns, (study.results / "p_hat.md").read_text()
+    run(study)
+    assert best.stat().st_mtime_ns == before
+    assert (study.results / "p_hat.md").read_text() == page
+
+
+def test_a_seed_that_no_grid_trained_is_told(study: Study) -> None:
+    with pytest.raises(ValueError, match="found no trained run data2 tdanet plain seed1 in"):
+        run(replace(study, seeds=2))
