@@ -259,5 +259,13 @@ def as_markdown(lines: Sequence[Line]) -> str:
     return "\n".join(rows) + "\n"
 
 
+def main() -> None:
+    """Entry point; what was found wrong is one sentence."""
+    try:
+        run(tyro.cli(Study, prog="p_hat_study"))
+    except (ValueError, OSError) as error:
+        sys.exit(f"p_hat_study: {error}")
+
+
 if __name__ == "__main__":
-    run(tyro.cli(Study))
+    main()
