@@ -94,8 +94,8 @@ class Made:
             return cls(**json.loads((out / TESTS).read_text()))
         except (OSError, ValueError, TypeError) as error:
             raise ValueError(
-                f"found no readable {TESTS} in {out} ({error}); unpack recorded results there, "
-                "or leave --recorded out"
+                f"found no readable {TESTS} in {out} ({error}); make them with cfnav benchmark, "
+                "or unpack recorded results there"
             ) from error
 
 
