@@ -87,6 +87,8 @@ class Export:
     """JSON of cfnav evaluate, kept in bundle.json."""
     live: Path | None = None
     """JSON of python -m cfnav_ros.live_results, kept beside them."""
+    commands: str = ""
+    """Where the commands stand that made it, for the card."""
 
     def run_command(self) -> None:
         """Export."""
@@ -95,7 +97,7 @@ class Export:
         metrics = json.loads(self.metrics.read_text()) if self.metrics else {}
         if self.live:
             metrics["live"] = json.loads(self.live.read_text())
-        export_bundle(self.checkpoint, self.perception, self.out, self.name, metrics)
+        export_bundle(self.checkpoint, self.perception, self.out, self.name, metrics, self.commands)
         size = sum(f.stat().st_size for f in self.out.iterdir())
         print(f"wrote {self.out} ({size / 1e6:.1f} MB)")
 

@@ -32,9 +32,12 @@ TRAINING_FIELDS = (
 
 
 def export_bundle(
-    checkpoint: Path, perception: Path, out: Path, name: str, metrics: dict[str, Any] | None = None
-) -> BundleHead:
+    checkpoint: Path, perception: Path, out: Path, name: str,
+    metrics: dict[str, Any] | None = None, commands: str = "",
+) -> BundleHead:  # fmt: skip
     """Write a bundle; ``out`` appears only when complete.
+
+    ``metrics`` and where the ``commands`` stand that made it are kept for its card.
 
     Raises:
         CheckpointError: the checkpoint is damaged or of another network.
@@ -60,7 +63,8 @@ def export_bundle(
         bundle = BundleHead(
             name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
             tuple(head["goals"]), {n: file_hash(partial / n) for n in (*NETWORKS, WEIGHTS)},
-            {k: head[k] for k in TRAINING_FIELDS}, metrics or {},
+            {k: head[k] for k in TRAINING_FIELDS} | ({"commands": commands} if commands else {}),
+            metrics or {},
             MODELS[head["config"]["model"]].zero_shot,
         )  # fmt: skip
         bundle.save(partial)

@@ -37,7 +37,7 @@ def model_card(head: BundleHead) -> str:
         "",
         f"Training rooms: {', '.join(t['train_rooms'])}. Validation rooms: "
         f"{', '.join(t['validation_rooms'])}. Perception `{t['perception']}` saw none of these nor "
-        "any test room. The commands stand in `scripts/train_demo.sh` (`make train-demo`).",
+        "any test room." + (f" The commands stand in {t['commands']}." if "commands" in t else ""),
         "",
         "## What was measured",
         "",

@@ -52,4 +52,5 @@ done
 python -m cfnav_ros.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \
   --json "$out/live.json"
 cfnav export "$out/ours/best.safetensors" --perception "$perception" \
-  --name ours --metrics "$out/metrics.json" --live "$out/live.json" --out "$out/bundle_ours"
+  --name ours --metrics "$out/metrics.json" --live "$out/live.json" \
+  --commands '`scripts/train_demo.sh` (`make train-demo`)' --out "$out/bundle_ours"

@@ -84,10 +84,13 @@ def test_model_card_says_what_was_and_was_not_measured(made):
         "paired": {"cf_sr_difference": 0.25, "interval": (0.1, 0.4)},
     }  # fmt: skip
     metrics = {**first.summary(), "command": "cfnav evaluate", "live": live}
+    assert "commands stand in" not in card
     export_bundle(
-        made / "run" / "best.safetensors", made / "perception.onnx", made / "again", "x", metrics
-    )
+        made / "run" / "best.safetensors", made / "perception.onnx", made / "again", "x", metrics,
+        "`make it`",
+    )  # fmt: skip
     card = (made / "again" / "MODEL_CARD.md").read_text()
+    assert "The commands stand in `make it`." in card
     assert f"| {first.summary()['cf_sr']:.3f} [" in card
     assert "`cfnav evaluate`" in card
     assert "60 episodes through mock TurtleBot 4" in card
