@@ -258,7 +258,7 @@ class PolicyNode(Node):
             return
         self._check_base()
         patient = real - self._begun_at < self._settings.episode.preflight_timeout
-        settled = self._velocity.matched or self._senses.inputs.base.fault or not patient
+        settled = not patient or self._senses.inputs.base.fault or self._velocity.matched
         if settled and step.complete(self._senses.inputs):
             # Triggered, not called: what else has arrived (bumps, states) is taken in first.
             self._all_here.trigger()
