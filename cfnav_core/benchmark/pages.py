@@ -9,12 +9,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from cfnav_core.benchmark.rows import ROWS
 from cfnav_core.whole import write_file
 
 TABLES = ("I", "II", "III", "IV", "own")
 """In this order they stand in the summary."""
 
 SUMMARY = "summary.json"
+
+PLANNED = [(row.table, row.name, row.split) for row in ROWS]
 
 ABLATED = ("zero", "shuffled", "true")
 """What ours is given in place of its own prediction to see what that is worth."""
@@ -89,7 +92,7 @@ def write_tables(found: Sequence[Figures], out: Path) -> None:
         WriteError: the folder cannot be written.
     """
     rows = {_key(row): row for row in (*read_summary(out), *found)}
-    kept = sorted(rows.values(), key=lambda row: TABLES.index(row.table))
+    kept = sorted(rows.values(), key=_place)
     out.mkdir(parents=True, exist_ok=True)
     write_file(out / SUMMARY, as_json(kept))
     write_file(out / "summary.csv", as_csv(kept))
@@ -154,6 +157,12 @@ def read_summary(out: Path) -> list[Figures]:
         raise ValueError(
             f"found no readable summary in {path} ({error}); remove it and make the tables again"
         ) from error
+
+
+def _place(row: Figures) -> tuple[int, int]:
+    """Where a row stands: by table, then as planned; others, below, as they were made."""
+    of = row.table, row.row, row.split
+    return TABLES.index(row.table), PLANNED.index(of) if of in PLANNED else len(PLANNED)
 
 
 def _key(row: Figures) -> tuple[str, ...]:
