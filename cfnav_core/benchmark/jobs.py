@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from cfnav_core.benchmark.presets import PRESETS, PresetName
-from cfnav_core.benchmark.rows import Row, Split
+from cfnav_core.benchmark.rows import Row, Schedule, Split
 from cfnav_core.config import MethodName, ModelName, RunConfig, TrainOptions
 from cfnav_core.methods import METHODS
 from cfnav_core.rooms import SPLITS
@@ -44,7 +44,7 @@ class Job:
 
     Attributes:
         perception: identity of what made the scenes' features.
-        longer: see ``Preset.run``.
+        schedule: see ``Schedule``.
     """
 
     model: ModelName
@@ -53,12 +53,12 @@ class Job:
     seed: int
     preset: PresetName
     perception: str
-    longer: bool = False
+    schedule: Schedule = "usual"
 
     @property
     def config(self) -> RunConfig:
         """What is trained."""
-        return PRESETS[self.preset].run(self.model, self.method, self.seed, self.longer)
+        return PRESETS[self.preset].run(self.model, self.method, self.seed, self.schedule)
 
     @property
     def hash(self) -> str:
@@ -79,15 +79,17 @@ class Job:
     @property
     def title(self) -> str:
         """In words, for people."""
-        longer = " longer" if self.longer else ""
-        return f"{self.split} {self.model} {self.method}{longer} seed{self.seed}"
+        schedule = "" if self.schedule == "usual" else f" {self.schedule}"
+        return f"{self.split} {self.model} {self.method}{schedule} seed{self.seed}"
 
     @property
     def stage1(self) -> Job | None:
         """The run whose stage one this one goes on from, None when it has its own."""
         method, shared = METHODS[self.method], METHODS[SHARED_STAGE1]
         alike = (shared.stage1, replace(shared.stage1, train_predictor=False))
-        source = replace(self, method=SHARED_STAGE1, longer=False)
+        source = replace(self, method=SHARED_STAGE1)
+        if self.schedule == "longer":
+            source = replace(source, schedule="usual")
         if self == source or method.shared_encoder or method.stage1 not in alike:
             return None
         return source
@@ -96,8 +98,8 @@ class Job:
     def of_row(cls, row: Row, seed: int, preset: PresetName, perception: str) -> Job:
         """A run of a row."""
         ordinary = cls(row.model, row.method, row.split, seed, preset, perception)
-        longer = replace(ordinary, longer=True)
-        return longer if row.longer and longer.config != ordinary.config else ordinary
+        asked = replace(ordinary, schedule=row.schedule)
+        return asked if asked.config != ordinary.config else ordinary
 
     @classmethod
     def of(cls, training: dict[str, Any]) -> Job | None:

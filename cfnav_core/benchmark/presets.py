@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from cfnav_core.benchmark.rows import Schedule
 from cfnav_core.config import (
     PUBLISHED,
     Hyperparameters,
@@ -35,6 +36,7 @@ class Preset:
         runs: sizes and numbers by model.
         stage1_if_penalised: E_1 of methods in which collisions cost in stage one, by model; that
             of the others when absent.
+        stage1_later: E_1 of runs whose schedule is "later", by model.
         validations: in stage two, equally spaced, one of which is its checkpoint; stage one has
             them at the same distance, for the curves.
         validation_episodes: of each.
@@ -46,22 +48,23 @@ class Preset:
     validation_episodes: int = 600
     test_episodes: int | None = None
     stage1_if_penalised: dict[ModelName, int] = field(default_factory=dict)
+    stage1_later: dict[ModelName, int] = field(default_factory=dict)
 
     def run(
-        self, model: ModelName, method: MethodName, seed: int, longer: bool = False
+        self, model: ModelName, method: MethodName, seed: int, schedule: Schedule = "usual"
     ) -> RunConfig:
         """What is trained.
 
-        Args:
-            longer: for as many episodes as a method in which collisions cost in stage one; such a
-                method is anyway.
+        A method in which collisions cost in stage one is anyway trained "longer".
         """
         run = self.runs[model]
         hp = run.hyperparameters
         later = self.stage1_if_penalised.get(model, hp.stage1_episodes)
         if METHODS[method].stage1.collision_penalty:
             hp = replace(hp, stage1_episodes=later)
-        elif longer:
+        elif schedule == "later":
+            hp = replace(hp, stage1_episodes=self.stage1_later.get(model, hp.stage1_episodes))
+        elif schedule == "longer":
             hp = replace(hp, stage2_episodes=hp.stage2_episodes + later - hp.stage1_episodes)
         return replace(run, model=model, method=method, seed=seed, hyperparameters=hp)
 
@@ -102,6 +105,9 @@ met no collisions to learn from. Until then episodes are short, so these numbers
 SMALL_PENALISED: dict[ModelName, int] = {"lstde": 90_000, "tdanet": 90_000}
 """L-sTDE's by the same rule, seen in Reward; TDANet's Reward Only was not tried and has its."""
 
+SMALL_LATER: dict[ModelName, int] = {"hoz": 125_000}
+"""The Baseline's of data1, which has the same r_o and numbers; nothing else was tried."""
+
 FULL = RunConfig(
     size=PUBLISHED,
     predictor_hidden=512,
@@ -117,7 +123,7 @@ TINY = RunConfig(
 """To try the grid itself: learns nothing."""
 
 PRESETS: dict[PresetName, Preset] = {
-    "small": Preset(SMALL, stage1_if_penalised=SMALL_PENALISED),
+    "small": Preset(SMALL, stage1_if_penalised=SMALL_PENALISED, stage1_later=SMALL_LATER),
     "full": Preset(dict.fromkeys(MODELS, FULL), validations=100, validation_episodes=1000),
     "tiny": Preset(
         dict.fromkeys(MODELS, TINY), validations=2, validation_episodes=20, test_episodes=40

@@ -33,14 +33,14 @@ def test_a_run_that_rows_share_is_made_once() -> None:
     jobs = jobs_of(ROWS, 5, "small", "p")
     assert len(set(jobs)) == len(jobs)
     assert len({job.name for job in jobs}) == len(jobs)
-    assert sum((j.model, j.method, j.longer) == ("lstde", "plain", False) for j in jobs) == 5
+    assert sum((j.model, j.method, j.schedule) == ("lstde", "plain", "usual") for j in jobs) == 5
     # 7 pairs with 2 methods; of L-sTDE 7 others and 2 longer, of TDANet Stage Only, Reward Only
-    # and Truth
-    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3)
+    # and Truth, of HOZ 2 with a later stage two
+    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2)
 
 
 def test_rows_as_long_have_as_many_episodes_and_the_same_stage_one() -> None:
-    rows = [row for row in ROWS if row.longer]
+    rows = [row for row in ROWS if row.schedule == "longer"]
     jobs = {row.method: Job.of_row(row, 0, "small", "p") for row in rows}
     numbers = [job.config.hyperparameters for job in jobs.values()]
     assert set(jobs) == {"plain", "reward", "xiao", "ours"}
@@ -49,6 +49,21 @@ def test_rows_as_long_have_as_many_episodes_and_the_same_stage_one() -> None:
     assert jobs["reward"] == replace(OURS, method="reward")
     references = {row.reference for row in rows if row.reference}
     assert {Job.of_row(of, 0, "small", "p") for of in references} == {jobs["plain"]}
+
+
+def test_a_later_stage_two_follows_a_stage_one_of_its_own() -> None:
+    rows = [row for row in ROWS if row.schedule == "later"]
+    plain, ours = (Job.of_row(row, 0, "small", "p") for row in rows)
+    assert (plain.method, ours.method) == ("plain", "ours")
+    assert Job.of_row(rows[1].reference, 0, "small", "p") == plain
+    assert plain.stage1 == ours
+    assert ours.stage1 is None
+    usual = replace(ours, schedule="usual")
+    for job, sooner in ((ours, usual), (plain, replace(usual, method="plain"))):
+        numbers, before = (of.config.hyperparameters for of in (job, sooner))
+        assert numbers.stage1_episodes > before.stage1_episodes
+        assert numbers.stage2_episodes == before.stage2_episodes
+        assert job.name != sooner.name
 
 
 def test_what_is_waited_for_comes_first() -> None:
@@ -73,7 +88,7 @@ def test_the_hash_tells_configurations_apart_and_names_do_not_change() -> None:
     others = [
         replace(OURS, seed=1), replace(OURS, method="plain"), replace(OURS, model="hoz"),
         replace(OURS, split="data2"), replace(OURS, preset="full"), replace(OURS, perception="q"),
-        replace(OURS, longer=True),
+        replace(OURS, schedule="longer"),
     ]  # fmt: skip
     assert len({job.hash for job in (OURS, *others)}) == 8
     assert OURS.hash == replace(OURS).hash
@@ -104,10 +119,10 @@ def test_only_methods_with_a_penalty_in_stage_one_begin_stage_two_later() -> Non
 
 
 def test_nothing_is_longer_in_a_preset_whose_methods_are_all_as_long() -> None:
-    row = next(row for row in ROWS if row.longer and row.method == "ours")
+    row = next(row for row in ROWS if row.schedule == "longer" and row.method == "ours")
     full, small = (Job.of_row(row, 0, preset, "eyes") for preset in ("full", "small"))
     assert full == replace(OURS, preset="full", perception="eyes")
-    assert small.longer
+    assert small.schedule == "longer"
 
 
 def test_a_bundle_names_the_run_that_it_came_from() -> None:
