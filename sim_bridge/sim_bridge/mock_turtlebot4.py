@@ -9,10 +9,11 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, NoReturn
 
 import rclpy
 import rclpy.utilities
@@ -22,6 +23,8 @@ from rclpy.signals import SignalHandlerOptions
 
 if TYPE_CHECKING:
     from sim_bridge.mock_node import Mock
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def main(args: list[str] | None = None) -> int:
@@ -33,20 +36,28 @@ def main(args: list[str] | None = None) -> int:
     Returns:
         0 when it was told to end, 2 when it could not start.
     """
-    signal.signal(signal.SIGINT, _end)
-    signal.signal(signal.SIGTERM, _end)
+    _on_signal(_interrupt)
     try:
         return _run(sys.argv if args is None else args)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     finally:
         rclpy.try_shutdown()
 
 
-def _end(number: int, frame: object) -> None:
-    # A second signal must not tear the clean-up in two.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+def _on_signal(act: Callable[[], object]) -> None:
+    """Let the next signal act; those after it must not tear the clean-up in two."""
+
+    def take(number: int, frame: object) -> None:
+        for every in SIGNALS:
+            signal.signal(every, signal.SIG_IGN)
+        act()
+
+    for number in SIGNALS:
+        signal.signal(number, take)
+
+
+def _interrupt() -> NoReturn:
     raise KeyboardInterrupt
 
 
@@ -54,19 +65,17 @@ def _end(number: int, frame: object) -> None:
 def _signals_wait() -> Iterator[None]:
     """Take signals when the block is over, in place of whatever it raises.
 
-    A GL library whose import is torn in two prints tracebacks of its own, and one that a signal
-    killed seems to be missing.
+    A GL library whose import is torn in two prints tracebacks of its own, one that a signal
+    killed seems to be missing, and ctypes calls an interrupt a wrong argument.
     """
-    came: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: came.append(number))
+    came: list[bool] = []
+    _on_signal(partial(came.append, True))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, _end)
-        signal.signal(signal.SIGTERM, _end)
+        _on_signal(_interrupt)
         if came:
-            _end(came[0], None)
+            signal.raise_signal(signal.SIGTERM)
 
 
 def _run(args: list[str]) -> int:
@@ -74,11 +83,12 @@ def _run(args: list[str]) -> int:
     with ExitStack() as cleanup:
         try:
             _join_graph(args)
-            # Here, because without a GL library this import fails with the sentence to print.
             with _signals_wait():
+                # Here, because without a GL library this import fails with the sentence to print.
                 from sim_bridge.mock_node import Mock
-            mock = Mock()
-            cleanup.callback(mock.close)
+
+                mock = Mock()
+                cleanup.callback(mock.close)
             mock.set_up()
         except (ValueError, ImportError) as error:
             print(f"mock_turtlebot4: {error}", file=sys.stderr)
@@ -87,6 +97,8 @@ def _run(args: list[str]) -> int:
         cleanup.callback(_stop, spinners, mock)
         for spinner in spinners:
             spinner.start()
+        # Between two steps, where no GL call is torn.
+        _on_signal(partial(mock.abort, ExternalShutdownException()))
         print(f"mock_turtlebot4 ready: {mock.summary}", flush=True)
         mock.run()
 
