@@ -31,7 +31,7 @@ class Decision:
     """One answer.
 
     Attributes:
-        action: what to do: the most probable action.
+        action: what to do: the most probable action, or a drawn one.
         probabilities: float32 [6], pi(a | I, g, p_hat).
         collision_probability: p_hat that the policy was given (or would have been, when its
             method feeds none).
@@ -54,23 +54,33 @@ class Policy:
             each of them can ``decide`` on.
     """
 
-    def __init__(self, head: BundleHead, perception: Perception, networks: Networks) -> None:
+    def __init__(
+        self, head: BundleHead, perception: Perception, networks: Networks, draws: int | None = None
+    ) -> None:
         self.name, self.perception = head.name, perception.identity
         self.goals = head.goals
         self._head = head
         self._objects = head.objects
         self._perception, self._networks = perception, networks
+        self._random = None if draws is None else np.random.default_rng(draws)
         self._goal, self._room = -1, NO_ROOM
         self._state = networks.zero_state(1)
         self._watching = networks.zero_state(1).predictor
 
     @classmethod
-    def load(cls, bundle: Path | str | None = None, backend: Backend = "onnx") -> Policy:
+    def load(
+        cls,
+        bundle: Path | str | None = None,
+        backend: Backend = "onnx",
+        draws: int | None = None,
+    ) -> Policy:
         """Load a bundle, the default when None.
 
         Args:
             bundle: its folder, or the name of a shipped one.
             backend: what runs policy and predictor, see the module.
+            draws: seed from which actions are drawn by their probabilities, other ones in each
+                episode; the most probable action is taken when None.
 
         Raises:
             BundleError: missing, damaged, of another version, or without what the back end needs.
@@ -82,7 +92,7 @@ class Policy:
             perception = Perception(folder / "perception.onnx")
         except PerceptionError as error:
             raise BundleError(str(error)) from error
-        return cls(head, perception, open_networks(folder, head, backend))
+        return cls(head, perception, open_networks(folder, head, backend), draws)
 
     def admits(self, goal: str) -> str:
         """Why ``reset`` would refuse a goal, as one sentence; "" when it takes it.
@@ -159,7 +169,7 @@ class Policy:
         if given is not None and own_too:
             given = np.maximum(given, self._networks.predict(sight, self._state))
         pi, p_hat = self._networks.step(sight, self._state, given)
-        action = Action(int(pi[0].argmax()))
+        action = self._chosen(pi[0])
         self.executed(action)
         return Decision(action, pi[0], float(p_hat[0]), float(seen.detections[0, self._goal, 0]))
 
@@ -180,6 +190,12 @@ class Policy:
         p_hat = self._networks.predict(self._sight(seen), state)
         self._watching = state.predictor
         return float(p_hat[0])
+
+    def _chosen(self, pi: np.ndarray) -> Action:
+        if self._random is None:
+            return Action(int(pi.argmax()))
+        p = pi.astype(np.float64)  # in float32 it does not add up to 1 closely enough
+        return Action(int(self._random.choice(NUM_ACTIONS, p=p / p.sum())))
 
     def _check(self, collision_probability: float | None) -> None:
         if self._goal < 0:

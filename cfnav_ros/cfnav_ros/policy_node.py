@@ -68,7 +68,8 @@ class PolicyNode(Node):
     def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
         settings = self._settings = declare(self, PolicyParameters, self._adopt)
-        self._policy = Policy.load(settings.bundle or None, settings.backend)
+        draws = None if settings.draws < 0 else settings.draws
+        self._policy = Policy.load(settings.bundle or None, settings.backend, draws)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._episode: Episode | None = None
         self._begun_at = 0.0
@@ -115,10 +116,12 @@ class PolicyNode(Node):
             "zero": "nowhere (zero)", "shuffled": "collision/estimate of any decision so far",
         }[episode.p_hat]  # fmt: skip
         veto = "on" if episode.lidar and episode.veto else "off"
+        draws = self._settings.draws
+        drawn = "" if draws < 0 else f", actions drawn from seed {draws}"
         self.get_logger().info(
-            f"Bundle {self._policy.name} drives, run by {self._settings.backend}. Pictures from "
-            f"{self._senses.image_topic}, collision probability from {probability}, "
-            f"LiDAR veto {veto}, velocities to {self._velocity.topic}. "
+            f"Bundle {self._policy.name} drives, run by {self._settings.backend}{drawn}. "
+            f"Pictures from {self._senses.image_topic}, collision probability from "
+            f"{probability}, LiDAR veto {veto}, velocities to {self._velocity.topic}. "
             f"Goals: {', '.join(self._policy.goals)}."
         )
 

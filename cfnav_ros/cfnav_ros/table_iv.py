@@ -76,6 +76,7 @@ class Way:
         name: of the row. method: of training.
         paper: successes in 15 trials that the paper reports.
         p_hat, veto, visual_shift: see ``GraphConfig``.
+        sample: actions are drawn, from the training seed; the most probable ones when not.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Way:
     p_hat: PHat = "lidar"
     veto: bool = False
     visual_shift: float = VISUAL_SHIFT
+    sample: bool = False
 
     @property
     def key(self) -> str:
@@ -92,6 +94,7 @@ class Way:
             self.method,
             *(["veto"] if self.veto else []),
             *([] if self.p_hat == "lidar" else [self.p_hat]),
+            *(["drawn"] if self.sample else []),
         ]
         return "_".join([*words, *([] if self.visual_shift else ["unshifted"])])
 
@@ -111,6 +114,8 @@ WAYS = (
     Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
     Way("TDANet, LiDAR veto", "plain", veto=True),
     Way("ours (TDANet), LiDAR veto", "ours", veto=True),
+    Way("TDANet, actions drawn", "plain", sample=True),
+    Way("ours (TDANet), actions drawn", "ours", sample=True),
     Way("TDANet, no visual shift", "plain", visual_shift=0.0),
     Way("ours (TDANet), no visual shift", "ours", visual_shift=0.0),
 )
@@ -224,7 +229,7 @@ def _drive(config: TableIV, way: Way, seed: int, missing: Sequence[Trial]) -> No
     graph_config = GraphConfig(
         room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
         bundle=bundle, veto=way.veto, domain=config.domain, lock_step=True, p_hat=way.p_hat,
-        visual_shift=way.visual_shift, track=True,
+        draws=seed if way.sample else None, visual_shift=way.visual_shift, track=True,
     )  # fmt: skip
     with Graph(graph_config) as graph:
         for trial in missing:
@@ -301,12 +306,12 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     """A row of the table.
 
     Gains are over the plain model, "over own p_hat" over the same bundles with the RGB predictor,
-    both under the same visual shift and without a veto.
+    both under the same visual shift, with actions chosen alike and without a veto.
     """
     rows = driven[way]
-    free = {(w.method, w.p_hat, w.visual_shift): w for w in driven if not w.veto}
-    plain = free["plain", "lidar", way.visual_shift]
-    own = free.get((way.method, "own", way.visual_shift))
+    free = {(w.method, w.p_hat, w.visual_shift, w.sample): w for w in driven if not w.veto}
+    plain = free["plain", "lidar", way.visual_shift, way.sample]
+    own = free.get((way.method, "own", way.visual_shift, way.sample))
     cf_success, success = (_rates(rows, name) for name in ("cf_success", "success"))
     cf_spl = np.array([[_cf_efficiency(row) for row in of_seed] for of_seed in rows])
     compared: dict[str, Any] = {}
@@ -323,7 +328,7 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     return Figures(
         table="IV", row=way.name, model="tdanet", method=way.method,
         split=f"{config.trials} live trials",
-        p_hat=way.p_hat, veto=way.veto, preset=runs[0]["preset"],
+        p_hat=way.p_hat, veto=way.veto, sample=way.sample, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),
         cf_sr_mean=cf_sr[0], cf_sr_std=None if config.seeds < 2 else cf_sr[1],

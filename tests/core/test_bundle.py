@@ -195,6 +195,24 @@ def test_policy_answers_as_offline_evaluation_does(made):
         assert decision.action == Action(int(pi[0].argmax()))
 
 
+def test_drawn_actions_follow_their_probabilities(made):
+    perception = Perception(made / "bundle" / "perception.onnx")
+    seen = perception.observe(np.full((300, 300, 3), 99, np.uint8))
+
+    def decisions(draws):
+        policy = Policy.load(made / "bundle", draws=draws)
+        policy.reset("Mug")
+        return [policy.decide(seen) for _ in range(600)]
+
+    first = decisions(1)
+    actions = [decision.action for decision in first]
+    assert actions == [decision.action for decision in decisions(1)]
+    assert actions != [decision.action for decision in decisions(2)]
+    expected = np.sum([decision.probabilities for decision in first], 0)
+    assert np.bincount(actions, minlength=6) == pytest.approx(expected, abs=4 * 600**0.5 / 2)
+    assert expected.max() < 400, "a distribution that tells nothing"
+
+
 def test_policy_needs_a_known_goal_and_a_usable_picture(made):
     policy = Policy.load(made / "bundle")
     with pytest.raises(ValueError, match="reset"):

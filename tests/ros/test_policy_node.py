@@ -91,6 +91,30 @@ def test_torch_runs_the_shipped_bundle(graph):
     assert "drives, run by torch." in log.read_text()
 
 
+def test_actions_are_drawn_when_asked(graph, tmp_path):
+    pytest.importorskip("torch", reason="torch is not installed: run 'make setup-test'")
+    from cfnav_core.export import export_bundle
+    from tests.core.model_samples import save_fresh
+
+    perception = shipped_bundle() / "perception.onnx"
+    # untrained, so that no action is sure
+    checkpoint = save_fresh(tmp_path / "fresh.safetensors", "tdanet", perception, ("Laptop",))
+    export_bundle(checkpoint, perception, tmp_path / "fresh", "fresh")
+    robot, _, log = graph(tmp_path / "fresh", "draws:=3")
+    robot.result(robot.send(max_steps=8)[1])
+    robot.wait(lambda: len(robot.statuses) == 2, "the end")
+    policy = Policy.load(tmp_path / "fresh", draws=3)
+    policy.reset("Laptop")
+    probable = []
+    for decision in robot.decisions:
+        picture = image_to_rgb(robot.pictures[stamp_to_ns(decision.image_stamp)])
+        again = policy.act(picture, decision.collision_probability)
+        assert int(again.action) == decision.action
+        probable.append(int(again.probabilities.argmax()) == decision.action)
+    assert not all(probable)
+    assert "actions drawn from seed 3" in log.read_text()
+
+
 def test_limits_vetoes_bumps_and_refusals(graph, make_bundle):
     robot, _, _ = graph(make_bundle("MoveAhead"), "episode.max_steps:=2")
     _, result = robot.result(robot.send()[1])
