@@ -31,10 +31,13 @@ for method in plain reward_only stage_only ours truth; do
     fi
   done
 done
-python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
-  --results "$results" --no-own
-python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
-  --results "$results" --trials $((20 * seeds)) --seeds "$seeds"
+table_iv() {
+  python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
+    --results "$results" "$@"
+}
+table_iv --rows paper
+table_iv --rows main --trials $((20 * seeds)) --seeds "$seeds"
+table_iv --rows all --trials 20
 
 # Every test episode, learning curve and live trial: all that the tables need, without the weights.
 for ((seed = 0; seed < seeds; seed++)); do

@@ -13,11 +13,11 @@ import json
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -99,29 +99,36 @@ class Way:
         return "_".join([*words, *([] if self.visual_shift else ["unshifted"])])
 
 
-WAYS = (
+PAPERS = (
     Way("TDANet", "plain", 0),
     Way("Reward Only (TDANet)", "reward_only", 1),
     Way("Stage Only (TDANet)", "stage_only", 4),
     Way("ours (TDANet)", "ours", 12),
+)
+
+MAIN = (
+    *PAPERS,
+    *(replace(w, name=f"{w.name}, actions drawn", paper=None, sample=True) for w in PAPERS),
     Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
     Way("ours (TDANet), zero for p_hat", "ours", p_hat="zero"),
     Way("ours (TDANet), shuffled p_hat", "ours", p_hat="shuffled"),
     Way("ours (TDANet), the true flag for p_hat", "ours", p_hat="true"),
+)
+"""Also with drawn actions, and ours with other sources of p_hat."""
+
+WAYS = (
+    *MAIN,
     Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
     Way("Truth (TDANet)", "truth"),
     Way("Truth (TDANet), the true flag for p_hat", "truth", p_hat="true"),
     Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
     Way("TDANet, LiDAR veto", "plain", veto=True),
     Way("ours (TDANet), LiDAR veto", "ours", veto=True),
-    Way("TDANet, actions drawn", "plain", sample=True),
-    Way("ours (TDANet), actions drawn", "ours", sample=True),
     Way("TDANet, no visual shift", "plain", visual_shift=0.0),
     Way("ours (TDANet), no visual shift", "ours", visual_shift=0.0),
 )
-"""The paper's rows, and our own below them."""
 
-PAPERS = tuple(way for way in WAYS if way.paper is not None)
+ROWS = {"paper": PAPERS, "main": MAIN, "all": WAYS}
 
 
 @dataclass(frozen=True)
@@ -134,9 +141,10 @@ class TableIV:
     """Of each row."""
     seeds: int = 1
     """Training seeds that share the trials."""
-    own: bool = True
-    """Also the rows of our own: veto, RGB, zero, shuffled or the truth for the LiDAR's p_hat, the
-    method Truth, no visual shift."""
+    rows: Literal["paper", "main", "all"] = "all"
+    """The paper's; or also those with drawn actions, and ours with RGB, zero, shuffled or the truth
+    for the LiDAR's p_hat; or also the larger of LiDAR and RGB, the method Truth, veto, no visual
+    shift."""
     only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Only these rows, by the method's name, given as often as needed; writes no table."""
     out: Path = Path("out/trials")
@@ -173,7 +181,7 @@ def run(config: TableIV) -> None:
         raise ValueError(
             f"found {config.trials} trials for {config.seeds} seeds; expected a multiple"
         )
-    ways = WAYS if config.own else PAPERS
+    ways = ROWS[config.rows]
     if unknown := set(config.only) - {way.method for way in ways}:
         raise ValueError(f"found no row of {', '.join(sorted(unknown))} in Table IV")
     asked = [

@@ -92,7 +92,7 @@ def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
 
 
 def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> None:
-    config = TableIV(bundles=bundles, own=False, out=tmp_path / "out")
+    config = TableIV(bundles=bundles, rows="paper", out=tmp_path / "out")
     (config.out / "maps").mkdir(parents=True)
     for room in ROOMS:
         cells = np.eye(100, dtype=bool)
@@ -140,7 +140,7 @@ def test_bundles_of_one_network_are_told_apart_by_their_weights(tmp_path: Path) 
 
 
 def test_trials_of_another_bundle_are_not_mixed(bundles: Path, tmp_path: Path) -> None:
-    config = TableIV(bundles=bundles, own=False, out=tmp_path)
+    config = TableIV(bundles=bundles, rows="paper", out=tmp_path)
     _driven(tmp_path / "plain_seed0_15.jsonl", config, "plain", 3)
     put_bundle(bundles / "plain_seed0", [Action.Done])
     with pytest.raises(OSError, match="holds trials of another bundle"):
@@ -157,9 +157,9 @@ def test_trials_of_another_bundle_are_not_mixed(bundles: Path, tmp_path: Path) -
 def test_the_graph_drives_what_is_missing(
     bundles: Path, tmp_path: Path, start_process: Callable, ros_domain_id: int
 ) -> None:
-    config = TableIV(bundles=bundles, own=False, out=tmp_path / "out", trials=3)
+    config = TableIV(bundles=bundles, rows="paper", out=tmp_path / "out", trials=3)
     command = [
-        "table-iv", "--bundles", str(bundles), "--no-own", "--trials", "3",
+        "table-iv", "--bundles", str(bundles), "--rows", "paper", "--trials", "3",
         "--out", str(config.out), "--domain", str(ros_domain_id),
     ]  # fmt: skip
     first = start_process("cfnav_ros.trials", *command, "--only", "plain")
