@@ -17,7 +17,7 @@ from cfnav_core.config import PHat
 from cfnav_core.env import SceneBank
 from cfnav_core.metrics import EpisodeResult, bootstrap_interval, figures
 from cfnav_core.models import MODELS
-from cfnav_core.networks import Networks, OnnxNetworks, Sight, TorchNetworks
+from cfnav_core.networks import Networks, OnnxNetworks, Sight, TorchNetworks, sampled
 from cfnav_core.perception import Perception
 from cfnav_core.published.keys import Key, state_of
 from cfnav_core.published.start_states import StartState, identity, read_episodes
@@ -152,7 +152,7 @@ def run_episodes(
         pi, heard = networks.step(sight, now, given)
         action = pi.argmax(1)
         if sample_seed is not None:
-            action = (pi.cumsum(1) < rng.random((len(pi), 1))).sum(1).clip(max=NUM_ACTIONS - 1)
+            action = sampled(pi, rng)
         now.previous_action = np.eye(NUM_ACTIONS, dtype=np.float32)[action]
         state.put(alive, now)
         if trace is not None:

@@ -103,6 +103,19 @@ class Networks(Protocol):
         ...
 
 
+def sampled(pi: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw actions.
+
+    Args:
+        pi: float32 [N, 6], probabilities.
+        rng: gives N numbers.
+
+    Returns:
+        int64 [N].
+    """
+    return (pi.cumsum(1) < rng.random((len(pi), 1))).sum(1).clip(max=NUM_ACTIONS - 1)
+
+
 def open_networks(folder: Path, head: BundleHead, backend: Backend = "onnx") -> Networks:
     """Policy and predictor of a bundle, which must have been checked by ``BundleHead.load``.
 

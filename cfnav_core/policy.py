@@ -16,7 +16,7 @@ import numpy as np
 from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.bundle import BundleError, BundleHead, find_bundle
 from cfnav_core.goals import refusal
-from cfnav_core.networks import AgentState, Backend, Networks, Sight, open_networks
+from cfnav_core.networks import AgentState, Backend, Networks, Sight, open_networks, sampled
 from cfnav_core.perception import Observation, Perception, PerceptionError
 from cfnav_core.vocabulary import ROOM_TYPES
 
@@ -55,14 +55,18 @@ class Policy:
     """
 
     def __init__(
-        self, head: BundleHead, perception: Perception, networks: Networks, draws: int | None = None
+        self,
+        head: BundleHead,
+        perception: Perception,
+        networks: Networks,
+        sample_seed: int | None = None,
     ) -> None:
         self.name, self.perception = head.name, perception.identity
         self.goals = head.goals
         self._head = head
         self._objects = head.objects
         self._perception, self._networks = perception, networks
-        self._random = None if draws is None else np.random.default_rng(draws)
+        self._rng = None if sample_seed is None else np.random.default_rng(sample_seed)
         self._goal, self._room = -1, NO_ROOM
         self._state = networks.zero_state(1)
         self._watching = networks.zero_state(1).predictor
@@ -72,15 +76,14 @@ class Policy:
         cls,
         bundle: Path | str | None = None,
         backend: Backend = "onnx",
-        draws: int | None = None,
+        sample_seed: int | None = None,
     ) -> Policy:
         """Load a bundle, the default when None.
 
         Args:
             bundle: its folder, or the name of a shipped one.
             backend: what runs policy and predictor, see the module.
-            draws: seed from which actions are drawn by their probabilities, other ones in each
-                episode; the most probable action is taken when None.
+            sample_seed: draw actions with this seed, other ones in each episode; argmax when None.
 
         Raises:
             BundleError: missing, damaged, of another version, or without what the back end needs.
@@ -92,7 +95,7 @@ class Policy:
             perception = Perception(folder / "perception.onnx")
         except PerceptionError as error:
             raise BundleError(str(error)) from error
-        return cls(head, perception, open_networks(folder, head, backend), draws)
+        return cls(head, perception, open_networks(folder, head, backend), sample_seed)
 
     def admits(self, goal: str) -> str:
         """Why ``reset`` would refuse a goal, as one sentence; "" when it takes it.
@@ -169,7 +172,7 @@ class Policy:
         if given is not None and own_too:
             given = np.maximum(given, self._networks.predict(sight, self._state))
         pi, p_hat = self._networks.step(sight, self._state, given)
-        action = self._chosen(pi[0])
+        action = Action(int(pi[0].argmax() if self._rng is None else sampled(pi, self._rng)[0]))
         self.executed(action)
         return Decision(action, pi[0], float(p_hat[0]), float(seen.detections[0, self._goal, 0]))
 
@@ -190,12 +193,6 @@ class Policy:
         p_hat = self._networks.predict(self._sight(seen), state)
         self._watching = state.predictor
         return float(p_hat[0])
-
-    def _chosen(self, pi: np.ndarray) -> Action:
-        if self._random is None:
-            return Action(int(pi.argmax()))
-        p = pi.astype(np.float64)  # in float32 it does not add up to 1 closely enough
-        return Action(int(self._random.choice(NUM_ACTIONS, p=p / p.sum())))
 
     def _check(self, collision_probability: float | None) -> None:
         if self._goal < 0:

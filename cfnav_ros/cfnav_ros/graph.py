@@ -75,7 +75,7 @@ class GraphConfig:
         camera: the robot's: "mast", which tilts, or "preview", as sold, which does not.
         p_hat: where the collision probability comes from, see ``EpisodeLimits``; or "true", what
             the simulator knows, which then speaks in place of the LiDAR node.
-        draws: seed from which the policy's actions are drawn; None takes the most probable ones.
+        sample_seed: the policy draws its actions with this seed; argmax when None.
         visual_shift: of the pictures against those of training, 0 to 1.
         track: whether ``Graph.track`` follows the true path of each episode.
     """
@@ -90,7 +90,7 @@ class GraphConfig:
     lock_step: bool = False
     camera: str = "mast"
     p_hat: str = "lidar"
-    draws: int | None = None
+    sample_seed: int | None = None
     visual_shift: float = 0.0
     track: bool = False
 
@@ -110,8 +110,8 @@ class GraphConfig:
         }
         if self.camera == "preview":
             policy["episode.has_tilt"] = False
-        if self.draws is not None:
-            policy["draws"] = self.draws
+        if self.sample_seed is not None:
+            policy["sample_seed"] = self.sample_seed
         if self.bundle is not None:
             policy["bundle"] = find_bundle(self.bundle).resolve()
         lock_step = {"lock_step": self.lock_step}

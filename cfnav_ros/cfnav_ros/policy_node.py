@@ -68,8 +68,8 @@ class PolicyNode(Node):
     def __init__(self) -> None:
         super().__init__("policy_node", automatically_declare_parameters_from_overrides=True)
         settings = self._settings = declare(self, PolicyParameters, self._adopt)
-        draws = None if settings.draws < 0 else settings.draws
-        self._policy = Policy.load(settings.bundle or None, settings.backend, draws)
+        sample_seed = None if settings.sample_seed < 0 else settings.sample_seed
+        self._policy = Policy.load(settings.bundle or None, settings.backend, sample_seed)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._episode: Episode | None = None
         self._begun_at = 0.0
@@ -116,8 +116,8 @@ class PolicyNode(Node):
             "zero": "nowhere (zero)", "shuffled": "collision/estimate of any decision so far",
         }[episode.p_hat]  # fmt: skip
         veto = "on" if episode.lidar and episode.veto else "off"
-        draws = self._settings.draws
-        drawn = "" if draws < 0 else f", actions drawn from seed {draws}"
+        seed = self._settings.sample_seed
+        drawn = "" if seed < 0 else f", actions drawn with seed {seed}"
         self.get_logger().info(
             f"Bundle {self._policy.name} drives, run by {self._settings.backend}{drawn}. "
             f"Pictures from {self._senses.image_topic}, collision probability from "

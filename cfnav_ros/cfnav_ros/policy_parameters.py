@@ -23,11 +23,8 @@ class PolicyParameters:
     base_frame: str = setting("base_link", "frame of the velocities")
     image_topic: str = setting("oakd/rgb/preview/image_raw", "pictures of the camera")
     backend: str = setting("onnx", "what runs the policy's networks: onnx or torch")
-    draws: int = setting(
-        -1,
-        "seed from which actions are drawn by their probabilities; -1: the most probable one",
-        -1,
-        2**31 - 1,
+    sample_seed: int = setting(
+        -1, "draw actions by their probabilities with this seed; -1: argmax", -1, 2**31 - 1
     )
     lock_step: bool = setting(False, "the simulator waits for an answer to each moment")
     goal: str = setting("", "category to look for at once; empty: none")

@@ -237,7 +237,7 @@ def _drive(config: TableIV, way: Way, seed: int, missing: Sequence[Trial]) -> No
     graph_config = GraphConfig(
         room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
         bundle=bundle, veto=way.veto, domain=config.domain, lock_step=True, p_hat=way.p_hat,
-        draws=seed if way.sample else None, visual_shift=way.visual_shift, track=True,
+        sample_seed=seed if way.sample else None, visual_shift=way.visual_shift, track=True,
     )  # fmt: skip
     with Graph(graph_config) as graph:
         for trial in missing:

@@ -109,7 +109,7 @@ class Mock:
             self._keep_pace()
 
     def abort(self, error: Exception) -> None:
-        """Make the loop raise an error of a receiving thread: a deaf robot must not live on."""
+        """Make the loop raise an error: a deaf robot must not live on. Signal handlers may call it."""
 
         def fail() -> None:
             raise error

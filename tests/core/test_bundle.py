@@ -199,8 +199,8 @@ def test_drawn_actions_follow_their_probabilities(made):
     perception = Perception(made / "bundle" / "perception.onnx")
     seen = perception.observe(np.full((300, 300, 3), 99, np.uint8))
 
-    def decisions(draws):
-        policy = Policy.load(made / "bundle", draws=draws)
+    def decisions(seed):
+        policy = Policy.load(made / "bundle", sample_seed=seed)
         policy.reset("Mug")
         return [policy.decide(seen) for _ in range(600)]
 

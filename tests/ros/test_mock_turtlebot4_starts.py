@@ -60,7 +60,9 @@ def test_missing_gl_library_is_one_sentence_and_exit_code_2(start_process):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_it_cleanly(start_process, number):
-    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments([f"room:={OTHER_ROOM}"]))
+    # As fast as it can, so that a signal often comes while OpenGL draws.
+    parameters = [f"room:={OTHER_ROOM}", "speed:=0.0"]
+    process = start_process("sim_bridge.mock_turtlebot4", *ros_arguments(parameters))
     process.wait_for_line("ready")
     while process.process.poll() is None:  # the later ones hit the clean-up
         process.process.send_signal(number)

@@ -100,10 +100,10 @@ def test_actions_are_drawn_when_asked(graph, tmp_path):
     # untrained, so that no action is sure
     checkpoint = save_fresh(tmp_path / "fresh.safetensors", "tdanet", perception, ("Laptop",))
     export_bundle(checkpoint, perception, tmp_path / "fresh", "fresh")
-    robot, _, log = graph(tmp_path / "fresh", "draws:=3")
+    robot, _, log = graph(tmp_path / "fresh", "sample_seed:=3")
     robot.result(robot.send(max_steps=8)[1])
     robot.wait(lambda: len(robot.statuses) == 2, "the end")
-    policy = Policy.load(tmp_path / "fresh", draws=3)
+    policy = Policy.load(tmp_path / "fresh", sample_seed=3)
     policy.reset("Laptop")
     probable = []
     for decision in robot.decisions:
@@ -112,7 +112,7 @@ def test_actions_are_drawn_when_asked(graph, tmp_path):
         assert int(again.action) == decision.action
         probable.append(int(again.probabilities.argmax()) == decision.action)
     assert not all(probable)
-    assert "actions drawn from seed 3" in log.read_text()
+    assert "actions drawn with seed 3" in log.read_text()
 
 
 def test_limits_vetoes_bumps_and_refusals(graph, make_bundle):

@@ -14,6 +14,7 @@ import pytest
 from cfnav_ros.json_lines import append_row
 from cfnav_ros.table_iv import (
     GOALS,
+    MAIN,
     PAPERS,
     PLACES,
     ROOMS,
@@ -124,6 +125,30 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     (config.out / "ours_seed0_15.jsonl").unlink()
     with pytest.raises(BundleError, match="ours_seed0"):
         run(config)
+
+
+def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:
+    config = TableIV(bundles=bundles, rows="main", out=tmp_path / "out")
+    (config.out / "maps").mkdir(parents=True)
+    for room in ROOMS:
+        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
+        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+    for successes, way in enumerate(MAIN):
+        _driven(config.out / f"{way.key}_seed0_15.jsonl", config, way.method, successes)
+    run(config)
+    found = json.loads((config.out / "summary.json").read_text())["rows"]
+    rows = {row["row"]: row for row in found}
+    assert len(rows) == len(MAIN)
+    plain, drawn = rows["TDANet"], rows["TDANet, actions drawn"]
+    assert plain["gain"] is drawn["gain"] is None
+    for row in found:
+        if row["method"] != "plain":
+            reference = drawn if row["sample"] else plain
+            gain = row["cf_sr_mean"] - reference["cf_sr_mean"]
+            assert row["gain"] == pytest.approx(gain, abs=1e-3)
+    assert sum(row["sample"] for row in found) == 4
+    assert rows["ours (TDANet)"]["over_own"] == pytest.approx((3 - 8) / 15, abs=1e-3)
+    assert rows["ours (TDANet), actions drawn"]["over_own"] is None
 
 
 def test_bundles_of_one_network_are_told_apart_by_their_weights(tmp_path: Path) -> None:
