@@ -109,7 +109,10 @@ class Mock:
             self._keep_pace()
 
     def abort(self, error: Exception) -> None:
-        """Make the loop raise an error: a deaf robot must not live on. Signal handlers may call it."""
+        """Make the loop raise an error, from another thread or a signal handler.
+
+        A robot whose receiving thread failed is deaf and must not live on.
+        """
 
         def fail() -> None:
             raise error
