@@ -18,26 +18,36 @@ python -m cfnav_ros.lidar_states "$out/rooms"
 cfnav benchmark I II III own --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
   --preset "$preset" --results "$results"
 
-for method in plain reward_only stage_only ours truth; do
-  for ((seed = 0; seed < seeds; seed++)); do
-    run=data2_tdanet_${method}_seed$seed
-    folder=$(awk -F, -v run="${run}_" 'index($1, run) == 1 {of = $1} END {print of}' \
-      "$results/runs.csv")
-    weights=$out/grid/runs/$folder/best.safetensors
-    # absent where only results were unpacked: their trials are in them
-    if [ -f "$weights" ]; then
-      cfnav export "$weights" --perception "$perception" \
-        --name "tdanet_${method}_seed$seed" --out "$out/bundles/${method}_seed$seed"
-    fi
-  done
-done
+# Table IV drives TDANet as the tables have it, and trained for longer.
+cfnav benchmark tenfold --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
+  --preset "$preset" --results "$results"
+
+bundle() { # METHOD, or METHOD_tenfold; SEED
+  local folder weights
+  folder=$(awk -F, -v run="data2_tdanet_$1_seed$2_" 'index($1, run) == 1 {of = $1} END {print of}' \
+    "$results/runs.csv")
+  weights=$out/grid/runs/$folder/best.safetensors
+  # absent where only results were unpacked: their trials are in them
+  if [ -f "$weights" ]; then
+    cfnav export "$weights" --perception "$perception" \
+      --name "tdanet_$1_seed$2" --out "$out/bundles/$1_seed$2"
+  fi
+}
 table_iv() {
   python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
     --results "$results" "$@"
 }
+for method in plain reward_only stage_only ours truth; do
+  bundle "$method" 0
+  for ((seed = 0; seed < seeds; seed++)); do
+    bundle "${method}_tenfold" "$seed"
+  done
+done
 table_iv --rows paper
-table_iv --rows main --trials $((20 * seeds)) --seeds "$seeds"
 table_iv --rows all --trials 20
+table_iv --rows paper --schedule tenfold
+table_iv --rows main --trials $((20 * seeds)) --seeds "$seeds" --schedule tenfold
+table_iv --rows all --trials 20 --schedule tenfold
 
 # Every test episode, learning curve and live trial: all that the tables need, without the weights.
 for ((seed = 0; seed < seeds; seed++)); do

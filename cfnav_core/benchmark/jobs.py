@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
@@ -61,12 +62,17 @@ class Job:
         return PRESETS[self.preset].run(self.model, self.method, self.seed, self.schedule)
 
     @property
+    def validations(self) -> int:
+        """In its stage two."""
+        preset = PRESETS[self.preset]
+        return preset.validations_tenfold if self.schedule == "tenfold" else preset.validations
+
+    @property
     def hash(self) -> str:
         """First 12 hex digits of the hash of everything that decides its numbers but the code."""
-        preset = PRESETS[self.preset]
         about = {
             "run": asdict(self.config), "split": self.split, "perception": self.perception,
-            "validations": [preset.validations, preset.validation_episodes],
+            "validations": [self.validations, PRESETS[self.preset].validation_episodes],
         }  # fmt: skip
         text = json.dumps(about, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
@@ -87,12 +93,11 @@ class Job:
         """The run whose stage one this one goes on from, None when it has its own."""
         method, shared = METHODS[self.method], METHODS[SHARED_STAGE1]
         alike = (shared.stage1, replace(shared.stage1, train_predictor=False))
-        source = replace(self, method=SHARED_STAGE1)
-        if self.schedule == "longer":
-            source = replace(source, schedule="usual")
-        if self == source or method.shared_encoder or method.stage1 not in alike:
-            return None
-        return source
+        longer = self.schedule in ("longer", "tenfold")
+        source = replace(self, schedule="usual") if longer else self
+        if method.stage1 in alike and not method.shared_encoder:
+            source = replace(source, method=SHARED_STAGE1)
+        return None if source == self else source
 
     @classmethod
     def of_row(cls, row: Row, seed: int, preset: PresetName, perception: str) -> Job:
@@ -115,18 +120,18 @@ class Job:
             return None
         if split not in SPLITS or train != "train":
             return None
-        for preset in get_args(PresetName):
+        for preset, schedule in product(get_args(PresetName), get_args(Schedule)):
             job = cls(
-                config.model, config.method, split, config.seed, preset, training["perception"]
-            )
+                config.model, config.method, split, config.seed, preset, training["perception"],
+                schedule,
+            )  # fmt: skip
             if config.model in PRESETS[preset].runs and job.config == config:
                 return job
         return None
 
     def options(self, places: Places) -> TrainOptions:
         """How it is trained."""
-        config, preset = self.config, PRESETS[self.preset]
-        hp = config.hyperparameters
+        config = self.config
         source = self.stage1
         return TrainOptions(
             scenes=places.scenes,
@@ -136,8 +141,8 @@ class Job:
             stage1=places.out / "runs" / source.name / STAGE1 if source else None,
             run=config,
             knowledge=places.knowledge(self.split),
-            validation_every=hp.stage2_episodes // preset.validations,
-            validation_episodes=preset.validation_episodes,
+            validation_every=config.hyperparameters.stage2_episodes // self.validations,
+            validation_episodes=PRESETS[self.preset].validation_episodes,
         )
 
 

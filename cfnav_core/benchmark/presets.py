@@ -39,12 +39,14 @@ class Preset:
         stage1_later: E_1 of runs whose schedule is "later", by model.
         validations: in stage two, equally spaced, one of which is its checkpoint; stage one has
             them at the same distance, for the curves.
+        validations_tenfold: of runs whose schedule is "tenfold".
         validation_episodes: of each.
         test_episodes: of the frozen ones, from the first; all when None.
     """
 
     runs: dict[ModelName, RunConfig]
     validations: int = 6
+    validations_tenfold: int = 12
     validation_episodes: int = 600
     test_episodes: int | None = None
     stage1_if_penalised: dict[ModelName, int] = field(default_factory=dict)
@@ -66,6 +68,8 @@ class Preset:
             hp = replace(hp, stage1_episodes=self.stage1_later.get(model, hp.stage1_episodes))
         elif schedule == "longer":
             hp = replace(hp, stage2_episodes=hp.stage2_episodes + later - hp.stage1_episodes)
+        if schedule == "tenfold":
+            hp = replace(hp, stage2_episodes=10 * hp.stage2_episodes)
         return replace(run, model=model, method=method, seed=seed, hyperparameters=hp)
 
 

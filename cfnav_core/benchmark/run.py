@@ -54,7 +54,7 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
         found += [figures_of_chance(split, bench) for split in splits]
     results = options.results or places.out
     write_tables(found, results)
-    papers = [row for row in rows if row.table != "own"]
+    papers = [row for row in rows if row.paper]
     of_paper = jobs_of(papers, options.seeds, options.preset, made.perception)
     write_runs(jobs, of_paper, places, results)
     judge_predictors(rows, bench, results)
@@ -134,13 +134,13 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
 
 
 def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
-    """Draw the learning curves of Tables II and III and the paths, as far as their rows are there.
+    """Draw learning curves and paths, as far as their rows are there.
 
     The paths are of seed 0.
     """
     model, split = STUDIED
-    for table in ("II", "III"):
-        of = [row for row in rows if row.table == table]
+    for table in ("II", "III", "tenfold"):
+        of = [row for row in rows if row.table == table and not (row.itself or row.sample)]
         if not of:
             continue
         curves = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from cfnav_core.benchmark.jobs import Places
@@ -80,8 +80,15 @@ class Made:
         return cls(perception, tests)
 
     def write(self, out: Path) -> None:
-        """Note it in a grid's folder."""
-        write_json(out / TESTS, asdict(self))
+        """Note it in a grid's folder, beside what that says of other splits.
+
+        Raises:
+            ValueError: what is there cannot be read.
+        """
+        kept = Made.read(out) if (out / TESTS).exists() else self
+        alike = kept.tests if kept.perception == self.perception else {}
+        others = {of: tests for of, tests in alike.items() if of.split()[0] not in self.tests}
+        write_json(out / TESTS, asdict(replace(self, tests=others | self.tests)))
 
     @classmethod
     def read(cls, out: Path) -> Made:

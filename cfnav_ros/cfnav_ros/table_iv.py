@@ -24,6 +24,7 @@ import tyro
 
 from cfnav_core.benchmark.jobs import Job
 from cfnav_core.benchmark.pages import Figures, write_tables
+from cfnav_core.benchmark.rows import Schedule
 from cfnav_core.benchmark.statistics import interval_of_trials, over_seeds
 from cfnav_core.bundle import BundleHead
 from cfnav_core.config import PHat
@@ -108,18 +109,18 @@ PAPERS = (
 
 MAIN = (
     *PAPERS,
-    *(replace(w, name=f"{w.name}, actions drawn", paper=None, sample=True) for w in PAPERS),
     Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
     Way("ours (TDANet), zero for p_hat", "ours", p_hat="zero"),
     Way("ours (TDANet), shuffled p_hat", "ours", p_hat="shuffled"),
     Way("ours (TDANet), the true flag for p_hat", "ours", p_hat="true"),
+    Way("Truth (TDANet)", "truth"),
 )
-"""Also with drawn actions, and ours with other sources of p_hat."""
+"""Also ours with other sources of p_hat, and the method that was told the truth in training."""
 
 WAYS = (
     *MAIN,
+    *(replace(w, name=f"{w.name}, actions drawn", paper=None, sample=True) for w in PAPERS),
     Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
-    Way("Truth (TDANet)", "truth"),
     Way("Truth (TDANet), the true flag for p_hat", "truth", p_hat="true"),
     Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
     Way("TDANet, LiDAR veto", "plain", veto=True),
@@ -136,15 +137,17 @@ class TableIV:
     """Drive Table IV: 15 trials a method as in the paper, or more over several training seeds."""
 
     bundles: Path = Path("out/grid/bundles")
-    """Folder of bundles METHOD_seedN: of plain, reward_only, stage_only, ours and truth."""
+    """Folder of bundles METHOD_seedN, or METHOD_SCHEDULE_seedN where it is not the usual one: of
+    plain, reward_only, stage_only, ours and truth."""
+    schedule: Schedule = "usual"
+    """How long the policies were trained; tenfold: with ten times as many episodes in stage two."""
     trials: int = TRIALS
     """Of each row."""
     seeds: int = 1
     """Training seeds that share the trials."""
     rows: Literal["paper", "main", "all"] = "all"
-    """The paper's; or also those with drawn actions, and ours with RGB, zero, shuffled or the truth
-    for the LiDAR's p_hat; or also the larger of LiDAR and RGB, the method Truth, veto, no visual
-    shift."""
+    """The paper's; or also the method Truth, and ours with RGB, zero, shuffled or the truth for the
+    LiDAR's p_hat; or also drawn actions, the larger of LiDAR and RGB, veto, no visual shift."""
     only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Only these rows, by the method's name, given as often as needed; writes no table."""
     out: Path = Path("out/trials")
@@ -198,12 +201,16 @@ def run(config: TableIV) -> None:
 
 
 def _bundle(config: TableIV, way: Way, seed: int) -> Path:
-    return config.bundles / f"{way.method}_seed{seed}"
+    return config.bundles / f"{way.method}{_trained(config)}_seed{seed}"
 
 
 def _file(config: TableIV, way: Way, seed: int) -> Path:
     each = config.trials // config.seeds
-    return config.out / f"{way.key}_seed{seed}_{each}.jsonl"
+    return config.out / f"{way.key}{_trained(config)}_seed{seed}_{each}.jsonl"
+
+
+def _trained(config: TableIV) -> str:
+    return "" if config.schedule == "usual" else f"_{config.schedule}"
 
 
 def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
@@ -307,7 +314,7 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     # the first goal in the first room, the second in the second, the third in the third
     first = {way.name: driven[way][0][: 3 * len(GOALS) : 4] for way in PAPERS}
     picture = draw_table_iv(first, config.out / "maps", PLACES)
-    write_file(results / f"table_IV_{config.trials}.png", picture)
+    write_file(results / f"table_IV_{config.trials}{_trained(config)}.png", picture)
 
 
 def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, Any]]]]) -> Figures:
@@ -335,7 +342,7 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
     return Figures(
         table="IV", row=way.name, model="tdanet", method=way.method,
-        split=f"{config.trials} live trials",
+        split=f"{config.trials} live trials{_trained(config).replace('_', ', ')}",
         p_hat=way.p_hat, veto=way.veto, sample=way.sample, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,10 @@ import pytest
 from cfnav_ros.json_lines import append_row
 from cfnav_ros.table_iv import (
     GOALS,
-    MAIN,
     PAPERS,
     PLACES,
     ROOMS,
+    WAYS,
     TableIV,
     identity_of,
     run,
@@ -111,43 +112,57 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     assert rows[0]["collisions_mean"] == pytest.approx(0.8)
     with Image.open(config.out / "table_IV_15.png") as picture:
         assert min(picture.size) > 800
+    # policies of another training stand beside them
+    tenfold = replace(config, schedule="tenfold")
+    for method, successes in zip(METHODS, (1, 2, 3, 4), strict=True):
+        shutil.copytree(bundles / f"{method}_seed0", bundles / f"{method}_tenfold_seed0")
+        _driven(config.out / f"{method}_tenfold_seed0_15.jsonl", tenfold, method, successes)
+    run(tenfold)
+    both = json.loads((config.out / "summary.json").read_text())["rows"]
+    assert [row for row in both if row in rows] == rows
+    assert [row["cf_sr_mean"] for row in both if row["split"] == "15 live trials, tenfold"] == [
+        pytest.approx(n / 15, abs=1e-3) for n in (1, 2, 3, 4)
+    ]
+    assert (config.out / "table_IV_15_tenfold.png").exists()
     # trials are paired by what they are, not by where they stand
     path = config.out / "ours_seed0_15.jsonl"
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join([*lines[5:], *lines[:5]]) + '{"trial": {"ro')
     run(config)
     again = json.loads((config.out / "summary.json").read_text())["rows"]
-    assert again == rows
+    assert again == both
     # what was driven says all that the table needs
     shutil.rmtree(bundles)
     run(config)
-    assert json.loads((config.out / "summary.json").read_text())["rows"] == rows
+    assert json.loads((config.out / "summary.json").read_text())["rows"] == both
     (config.out / "ours_seed0_15.jsonl").unlink()
     with pytest.raises(BundleError, match="ours_seed0"):
         run(config)
 
 
 def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:
-    config = TableIV(bundles=bundles, rows="main", out=tmp_path / "out")
+    shutil.copytree(bundles / "ours_seed0", bundles / "truth_seed0")
+    config = TableIV(bundles=bundles, rows="all", out=tmp_path / "out")
     (config.out / "maps").mkdir(parents=True)
     for room in ROOMS:
         name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
         np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
-    for successes, way in enumerate(MAIN):
-        _driven(config.out / f"{way.key}_seed0_15.jsonl", config, way.method, successes)
+    for n, way in enumerate(WAYS):
+        _driven(config.out / f"{way.key}_seed0_15.jsonl", config, way.method, 4 * n % 15)
     run(config)
     found = json.loads((config.out / "summary.json").read_text())["rows"]
     rows = {row["row"]: row for row in found}
-    assert len(rows) == len(MAIN)
+    assert len(rows) == len(WAYS)
     plain, drawn = rows["TDANet"], rows["TDANet, actions drawn"]
     assert plain["gain"] is drawn["gain"] is None
     for row in found:
         if row["method"] != "plain":
-            reference = drawn if row["sample"] else plain
+            light = ", no visual shift" if row["row"].endswith("shift") else ""
+            reference = drawn if row["sample"] else rows[f"TDANet{light}"]
             gain = row["cf_sr_mean"] - reference["cf_sr_mean"]
             assert row["gain"] == pytest.approx(gain, abs=1e-3)
     assert sum(row["sample"] for row in found) == 4
-    assert rows["ours (TDANet)"]["over_own"] == pytest.approx((3 - 8) / 15, abs=1e-3)
+    assert rows["ours (TDANet)"]["over_own"] == pytest.approx((12 - 1) / 15, abs=1e-3)
     assert rows["ours (TDANet), actions drawn"]["over_own"] is None
 
 

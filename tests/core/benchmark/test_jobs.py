@@ -35,8 +35,8 @@ def test_a_run_that_rows_share_is_made_once() -> None:
     assert len({job.name for job in jobs}) == len(jobs)
     assert sum((j.model, j.method, j.schedule) == ("lstde", "plain", "usual") for j in jobs) == 5
     # 7 pairs with 2 methods; of L-sTDE 7 others and 2 longer, of TDANet Stage Only, Reward Only
-    # and Truth, of HOZ 2 with a later stage two
-    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2)
+    # and Truth, of HOZ 2 with a later stage two, of TDANet 5 trained tenfold
+    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2 + 5)
 
 
 def test_rows_as_long_have_as_many_episodes_and_the_same_stage_one() -> None:
@@ -66,6 +66,20 @@ def test_a_later_stage_two_follows_a_stage_one_of_its_own() -> None:
         assert job.name != sooner.name
 
 
+def test_tenfold_runs_go_on_from_the_usual_stage_one() -> None:
+    rows = [row for row in ROWS if row.table == "tenfold"]
+    jobs = {row.method: Job.of_row(row, 0, "small", "p") for row in rows}
+    assert set(jobs) == {"plain", "reward_only", "stage_only", "ours", "truth"}
+    ours = replace(jobs["ours"], schedule="usual")
+    for method, job in jobs.items():
+        usual = replace(ours, method=method)
+        assert job.stage1 == (usual if method == "reward_only" else ours)
+        numbers, before = (of.config.hyperparameters for of in (job, usual))
+        assert numbers == replace(before, stage2_episodes=10 * before.stage2_episodes)
+    references = {Job.of_row(row.reference, 0, "small", "p") for row in rows if row.reference}
+    assert references == {jobs["plain"]}
+
+
 def test_what_is_waited_for_comes_first() -> None:
     jobs = jobs_of(ROWS, 2, "small", "p")
     for place, job in enumerate(jobs):
@@ -88,9 +102,9 @@ def test_the_hash_tells_configurations_apart_and_names_do_not_change() -> None:
     others = [
         replace(OURS, seed=1), replace(OURS, method="plain"), replace(OURS, model="hoz"),
         replace(OURS, split="data2"), replace(OURS, preset="full"), replace(OURS, perception="q"),
-        replace(OURS, schedule="longer"),
+        replace(OURS, schedule="longer"), replace(OURS, schedule="tenfold"),
     ]  # fmt: skip
-    assert len({job.hash for job in (OURS, *others)}) == 8
+    assert len({job.hash for job in (OURS, *others)}) == 9
     assert OURS.hash == replace(OURS).hash
     assert OURS.name == f"data1_lstde_ours_seed0_{OURS.hash}"
 
@@ -131,6 +145,8 @@ def test_a_bundle_names_the_run_that_it_came_from() -> None:
         "config": asdict(job.config), "train_rooms": ["data2:train"], "perception": "eyes",
     }  # fmt: skip
     assert Job.of(training) == job
+    tenfold = replace(job, schedule="tenfold")
+    assert Job.of(training | {"config": asdict(tenfold.config)}) == tenfold
     other = replace(job.config, predictor_hidden=99)
     assert Job.of(training | {"config": asdict(other)}) is None
     assert Job.of(training | {"train_rooms": ["kitchen:0-15"]}) is None

@@ -196,6 +196,15 @@ def test_tests_of_other_episodes_rooms_or_lidar_do_not_count(options: Benchmark,
     assert made() == first
 
 
+def test_tests_of_other_splits_stay_noted(tmp_path) -> None:
+    both = {"data1": "a", f"data1 {LIDAR}": "b", "data2": "c", f"data2 {LIDAR}": "d"}
+    Made("eyes", both).write(tmp_path)
+    Made("eyes", {"data2": "e"}).write(tmp_path)
+    assert Made.read(tmp_path).tests == {"data1": "a", f"data1 {LIDAR}": "b", "data2": "e"}
+    Made("others", {"data2": "f"}).write(tmp_path)
+    assert Made.read(tmp_path) == Made("others", {"data2": "f"})
+
+
 def with_head(head: dict[str, object], **changes: object) -> bytes:
     return json.dumps(head | changes).encode()
 
