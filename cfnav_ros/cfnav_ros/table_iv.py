@@ -209,8 +209,8 @@ def _file(config: TableIV, way: Way, seed: int) -> Path:
     return config.out / f"{way.key}{_trained(config)}_seed{seed}_{each}.jsonl"
 
 
-def _trained(config: TableIV) -> str:
-    return "" if config.schedule == "usual" else f"_{config.schedule}"
+def _trained(config: TableIV, before: str = "_") -> str:
+    return "" if config.schedule == "usual" else before + config.schedule
 
 
 def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
@@ -342,7 +342,7 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
     return Figures(
         table="IV", row=way.name, model="tdanet", method=way.method,
-        split=f"{config.trials} live trials{_trained(config).replace('_', ', ')}",
+        split=f"{config.trials} live trials{_trained(config, ', ')}",
         p_hat=way.p_hat, veto=way.veto, sample=way.sample, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),
