@@ -101,8 +101,12 @@ class Run:
         """Go on from the run's own checkpoint, else from a given stage one, else from nothing."""
         own = self.options.out / CHECKPOINT
         source = own if own.exists() else self.options.stage1
-        if source is None:
-            return
+        if source:
+            self._load(source, own)
+        if self.ranks.leads:
+            self._forget_later_lines()
+
+    def _load(self, source: Path, own: Path) -> None:
         tensors, head = load_tensors(source)
         if head["perception"] != self.bank.perception:
             raise ValueError(
@@ -121,8 +125,6 @@ class Run:
         if source == own:
             self.best = head["best"]
             self._cpu_s_before = head.get("cpu_s", 0.0)
-            if self.ranks.leads:
-                self._forget_later_lines()
 
     def _check_same(self, tensors: dict[str, torch.Tensor], head: dict[str, Any]) -> None:
         """A run goes on as what it was; only its hyperparameters, such as its length, may change.
@@ -223,7 +225,7 @@ class Run:
         )
 
     def _forget_later_lines(self) -> None:
-        """Take lines out of the log that a killed run wrote after its last checkpoint.
+        """Take lines out of the log of what is trained again: a killed run wrote them.
 
         Raises:
             CheckpointError: the log is no such log.

@@ -15,11 +15,7 @@ perception=cfnav_core/bundles/default/perception.onnx
 python -m sim_bridge.dataset --perception "$perception" --out "$out/rooms"
 python -m sim_bridge.scans "$out/rooms" --rooms data2:test
 python -m cfnav_ros.lidar_states "$out/rooms"
-cfnav benchmark I II III own --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
-  --preset "$preset" --results "$results"
-
-# Table IV drives TDANet as the tables have it, and trained for longer.
-cfnav benchmark tenfold --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
+cfnav benchmark I II III own tenfold --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
   --preset "$preset" --results "$results"
 
 bundle() { # METHOD, or METHOD_tenfold; SEED
@@ -27,7 +23,7 @@ bundle() { # METHOD, or METHOD_tenfold; SEED
   folder=$(awk -F, -v run="data2_tdanet_$1_seed$2_" 'index($1, run) == 1 {of = $1} END {print of}' \
     "$results/runs.csv")
   weights=$out/grid/runs/$folder/best.safetensors
-  # absent where only results were unpacked: their trials are in them
+  # absent where results were unpacked: their trials are in them
   if [ -f "$weights" ]; then
     cfnav export "$weights" --perception "$perception" \
       --name "tdanet_$1_seed$2" --out "$out/bundles/$1_seed$2"
@@ -45,9 +41,11 @@ for method in plain reward_only stage_only ours truth; do
 done
 table_iv --rows paper
 table_iv --rows all --trials 20
-table_iv --rows paper --schedule tenfold
-table_iv --rows main --trials $((20 * seeds)) --seeds "$seeds" --schedule tenfold
-table_iv --rows all --trials 20 --schedule tenfold
+if [ "$preset" != full ]; then # which is trained long already
+  table_iv --rows paper --schedule tenfold
+  table_iv --rows main --trials $((20 * seeds)) --seeds "$seeds" --schedule tenfold
+  table_iv --rows all --trials 20 --schedule tenfold
+fi
 
 # Every test episode, learning curve and live trial: all that the tables need, without the weights.
 for ((seed = 0; seed < seeds; seed++)); do

@@ -83,9 +83,12 @@ def run_tasks(tasks: Sequence[Task], executor: Executor) -> None:
     """Do what is not done yet, in the given order as far as it is ready.
 
     Raises:
-        GridError: tasks failed, or wait for such; the others have been done.
+        GridError: tasks failed, or wait for such; the others have been done. Or some wait for what
+            will never be there; nothing has been done.
     """
     waiting = [task for task in tasks if not task.result.exists()]
+    if stuck := next(filter(None, (task.stuck for task in waiting)), ""):
+        raise GridError(stuck)
     running: dict[Task, Any] = {}
     failed: list[Task] = []
     total = tqdm(total=len(tasks), initial=len(tasks) - len(waiting), unit="task", position=0)

@@ -125,18 +125,22 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
 
 
 def _mean_gains(rows: Sequence[Figures]) -> list[str]:
-    """A sentence for each split, over the models whose gain the paper reports too."""
+    """A sentence for each split, over the models whose gain the paper reports too.
+
+    Rows of other presets or numbers of seeds are not mixed.
+    """
     lines = []
-    for split in dict.fromkeys(row.split for row in rows):
+    for split, seeds in dict.fromkeys((row.split, _seeds(row)) for row in rows):
         both = [
             (row.gain, row.paper_gain) for row in rows
-            if row.split == split and row.gain is not None and row.paper_gain is not None
+            if (row.split, _seeds(row)) == (split, seeds)
+            and row.gain is not None and row.paper_gain is not None
         ]  # fmt: skip
         if both:
             ours, papers = (sum(gains) / len(both) for gains in zip(*both, strict=True))
             of = "1 model" if len(both) == 1 else f"{len(both)} models"
             lines.append(
-                f"Mean gain in CF-SR on {split}, {of}: {_signed(ours)} points; "
+                f"Mean gain in CF-SR on {split}, {of} (seeds: {seeds}): {_signed(ours)} points; "
                 f"the paper's of the same: {_signed(papers)}."
             )
     return lines
@@ -192,8 +196,8 @@ def as_markdown(rows: Sequence[Figures]) -> str:
     """A table for people, percent."""
     lines = [
         "| data | row | CF-SR, paper | CF-SR | gain, paper | gain [95 %] | over own p_hat [95 %] "
-        "| CF-SPL, paper | CF-SPL | SR | SR gain [95 %] | collisions per episode |",
-        "|" + "---|" * 12,
+        "| CF-SPL, paper | CF-SPL | SR | SR gain [95 %] | collisions per episode | seeds |",
+        "|" + "---|" * 13,
     ]
     for r in rows:
         cells = (
@@ -201,10 +205,14 @@ def as_markdown(rows: Sequence[Figures]) -> str:
             _signed(r.paper_gain), change(r.gain, r.gain_ci95),
             change(r.over_own, r.over_own_ci95), _percent(r.paper_cf_spl),
             spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
-            change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}",
+            change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}", _seeds(r),
         )  # fmt: skip
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def _seeds(row: Figures) -> str:
+    return f"{row.seeds}" + ("" if row.preset in ("", "small") else f", {row.preset}")
 
 
 def long_as_markdown(rows: Sequence[Figures]) -> str:
@@ -234,5 +242,5 @@ def spread(mean: float, std: float | None) -> str:
 def change(gain: float | None, ends: tuple[float, float] | None) -> str:
     """A difference with its interval, percent; empty when there is none."""
     if gain is None or ends is None:
-        return ""
+        return _signed(gain)
     return f"{_signed(gain)} [{_signed(ends[0])}, {_signed(ends[1])}]"

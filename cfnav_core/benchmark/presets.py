@@ -39,13 +39,16 @@ class Preset:
         stage1_later: E_1 of runs whose schedule is "later", by model.
         validations: in stage two, equally spaced, one of which is its checkpoint; stage one has
             them at the same distance, for the curves.
-        validations_tenfold: of runs whose schedule is "tenfold".
+        tenfold: how many times as many episodes stage two has where the schedule is "tenfold"; 1
+            where it is long already.
+        validations_tenfold: of such a stage two, and one at its end.
         validation_episodes: of each.
         test_episodes: of the frozen ones, from the first; all when None.
     """
 
     runs: dict[ModelName, RunConfig]
     validations: int = 6
+    tenfold: int = 10
     validations_tenfold: int = 12
     validation_episodes: int = 600
     test_episodes: int | None = None
@@ -69,7 +72,7 @@ class Preset:
         elif schedule == "longer":
             hp = replace(hp, stage2_episodes=hp.stage2_episodes + later - hp.stage1_episodes)
         if schedule == "tenfold":
-            hp = replace(hp, stage2_episodes=10 * hp.stage2_episodes)
+            hp = replace(hp, stage2_episodes=self.tenfold * hp.stage2_episodes)
         return replace(run, model=model, method=method, seed=seed, hyperparameters=hp)
 
 
@@ -128,8 +131,15 @@ TINY = RunConfig(
 
 PRESETS: dict[PresetName, Preset] = {
     "small": Preset(SMALL, stage1_if_penalised=SMALL_PENALISED, stage1_later=SMALL_LATER),
-    "full": Preset(dict.fromkeys(MODELS, FULL), validations=100, validation_episodes=1000),
+    "full": Preset(
+        dict.fromkeys(MODELS, FULL), validations=100, validation_episodes=1000, tenfold=1
+    ),
     "tiny": Preset(
-        dict.fromkeys(MODELS, TINY), validations=2, validation_episodes=20, test_episodes=40
+        dict.fromkeys(MODELS, TINY),
+        validations=2,
+        validation_episodes=20,
+        test_episodes=40,
+        tenfold=2,
+        validations_tenfold=4,
     ),
 }

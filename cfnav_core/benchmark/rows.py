@@ -15,7 +15,7 @@ Split = Literal["data1", "data2"]
 Schedule = Literal["usual", "longer", "later", "tenfold"]
 """When a run's stages begin and end: as its preset says; with as many episodes as methods in which
 collisions cost in stage one, the more of them in stage two; with a longer stage one; or with ten
-times as many episodes in stage two."""
+times as many episodes in stage two, unless it is long already."""
 
 
 @dataclass(frozen=True)

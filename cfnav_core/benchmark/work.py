@@ -6,11 +6,8 @@ it was stopped.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +18,7 @@ from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.tested import FrozenTest, run_test
 from cfnav_core.checkpoint import load_tensors
 from cfnav_core.json_file import write_json
+from cfnav_core.locks import locked
 from cfnav_core.train import train
 
 DONE = "done.json"
@@ -67,6 +65,18 @@ class Task:
         source = self.job.options(self.places).stage1
         return source is None or source.exists()
 
+    @property
+    def stuck(self) -> str:
+        """Why what it goes on from will never be there, as a sentence; empty when it may be."""
+        source = self.job.options(self.places).stage1
+        if self.test or source is None or source.exists() or not (source.parent / DONE).exists():
+            return ""
+        return (
+            f"found {source.parent} with results but without {source.name}, from which "
+            f"{self.job.title} goes on; remove that folder to train it again, or ask only for "
+            "what is recorded (--recorded)"
+        )
+
     def save(self) -> Path:
         """Write it down for the process that does it."""
         path = self.result.with_suffix(".task.json")
@@ -105,23 +115,6 @@ class Task:
         _, head = load_tensors(train(options))
         reached = {"commit": head["commit"], "validation_cf_sr": head["best"]}
         write_json(self.result, {"config_hash": self.job.hash} | reached)
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold a lock that a process loses with its life.
-
-    Raises:
-        OSError: another process holds it.
-    """
-    with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OSError(
-                f"found {path} held by another process; let that end, or stop it, then go on"
-            ) from None
-        yield
 
 
 def main() -> None:

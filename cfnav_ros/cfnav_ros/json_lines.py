@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from cfnav_core.whole import write_file
+
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
     """Read the lines of an earlier run; a last line that was cut short does not count.
@@ -27,9 +29,12 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write all lines anew, as the next one must not continue one that was cut short."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    """Write all lines anew, as the next one must not continue one that was cut short.
+
+    Raises:
+        WriteError: the disk is full or refuses; what was there stays.
+    """
+    write_file(path, "".join(json.dumps(row) + "\n" for row in rows))
 
 
 def append_row(path: Path, row: dict[str, Any]) -> None:

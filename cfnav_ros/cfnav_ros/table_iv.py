@@ -26,110 +26,14 @@ from cfnav_core.benchmark.jobs import Job
 from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.rows import Schedule
 from cfnav_core.benchmark.statistics import interval_of_trials, over_seeds
-from cfnav_core.bundle import BundleHead
-from cfnav_core.config import PHat
+from cfnav_core.bundle import BundleError, BundleHead
+from cfnav_core.locks import locked
 from cfnav_core.source import commit, source_identity
 from cfnav_core.whole import write_file
 from cfnav_ros.demo import run_trial
 from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.plan import Trial
-
-ROOMS = {"living_room:77": 0.151, "living_room:36": 0.217, "living_room:70": 0.283}
-"""Share of the floor below furniture. Of the 42 living rooms 30 to 129 that hold all three goals
-these are the least, the middle and the most furnished one."""
-
-GOALS = ("HousePlant", "Book", "Laptop")
-
-PLACES = {
-    "living_room:77": {
-        "HousePlant": [(5.01, 5.02)],
-        "Book": [(3.18, 3.97)],
-        "Laptop": [(5.1, 0.21)],
-    },
-    "living_room:36": {
-        "HousePlant": [(0.19, 0.26)],
-        "Book": [(5.53, 0.18)],
-        "Laptop": [(3.78, 2.4)],
-    },
-    "living_room:70": {
-        "HousePlant": [(0.15, 3.26)],
-        "Book": [(1.47, 0.29)],
-        "Laptop": [(2.04, 1.51)],
-    },
-}
-"""Of the goals in each room, x and y of their centres, metres."""
-
-VISUAL_SHIFT = 0.5
-
-FIRST_START = 1000
-"""Seeds of starts count from it in blocks of a training seed's trials: tables of other sizes have
-other starts."""
-
-TRIALS = 15
-"""Of the paper's table, three rooms by five; driven with the bundles of one training seed."""
-
-
-@dataclass(frozen=True)
-class Way:
-    """One row: what drives, and how.
-
-    Attributes:
-        name: of the row. method: of training.
-        paper: successes in 15 trials that the paper reports.
-        p_hat, veto, visual_shift: see ``GraphConfig``.
-        sample: actions are drawn, from the training seed; the most probable ones when not.
-    """
-
-    name: str
-    method: str
-    paper: int | None = None
-    p_hat: PHat = "lidar"
-    veto: bool = False
-    visual_shift: float = VISUAL_SHIFT
-    sample: bool = False
-
-    @property
-    def key(self) -> str:
-        """Name of its file of results."""
-        words = [
-            self.method,
-            *(["veto"] if self.veto else []),
-            *([] if self.p_hat == "lidar" else [self.p_hat]),
-            *(["drawn"] if self.sample else []),
-        ]
-        return "_".join([*words, *([] if self.visual_shift else ["unshifted"])])
-
-
-PAPERS = (
-    Way("TDANet", "plain", 0),
-    Way("Reward Only (TDANet)", "reward_only", 1),
-    Way("Stage Only (TDANet)", "stage_only", 4),
-    Way("ours (TDANet)", "ours", 12),
-)
-
-MAIN = (
-    *PAPERS,
-    Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
-    Way("ours (TDANet), zero for p_hat", "ours", p_hat="zero"),
-    Way("ours (TDANet), shuffled p_hat", "ours", p_hat="shuffled"),
-    Way("ours (TDANet), the true flag for p_hat", "ours", p_hat="true"),
-    Way("Truth (TDANet)", "truth"),
-)
-"""Also ours with other sources of p_hat, and the method that was told the truth in training."""
-
-WAYS = (
-    *MAIN,
-    *(replace(w, name=f"{w.name}, actions drawn", paper=None, sample=True) for w in PAPERS),
-    Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
-    Way("Truth (TDANet), the true flag for p_hat", "truth", p_hat="true"),
-    Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
-    Way("TDANet, LiDAR veto", "plain", veto=True),
-    Way("ours (TDANet), LiDAR veto", "ours", veto=True),
-    Way("TDANet, no visual shift", "plain", visual_shift=0.0),
-    Way("ours (TDANet), no visual shift", "ours", visual_shift=0.0),
-)
-
-ROWS = {"paper": PAPERS, "main": MAIN, "all": WAYS}
+from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROWS, TRIALS, Way, trials_of
 
 
 @dataclass(frozen=True)
@@ -160,17 +64,6 @@ class TableIV:
     """ROS domain; one that is free when not given."""
 
 
-def trials_of(count: int, seed: int) -> list[Trial]:
-    """The trials of one training seed: rooms in turn, then goals; no start is met twice.
-
-    Args:
-        count: how many.
-        seed: of training.
-    """
-    rooms, first = tuple(ROOMS), (FIRST_START + seed) * count
-    return [Trial(rooms[n % 3], GOALS[n // 3 % 3], first + n) for n in range(count)]
-
-
 def run(config: TableIV) -> None:
     """Drive what is missing; then write and print the table and draw its figure.
 
@@ -192,10 +85,10 @@ def run(config: TableIV) -> None:
         for way in ways if not config.only or way.method in config.only
         for seed in range(config.seeds)
     ]  # fmt: skip
-    missing = {drive: _missing(config, *drive) for drive in asked}
-    for (way, seed), trials in missing.items():
-        if trials:
-            _drive(config, way, seed, trials)
+    for way, seed in [drive for drive in asked if _missing(config, *drive)]:
+        config.out.mkdir(parents=True, exist_ok=True)
+        with locked(_file(config, way, seed).with_suffix(".lock")):
+            _drive(config, way, seed)
     if not config.only:
         _write(config, ways)
 
@@ -224,6 +117,8 @@ def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
     missing = [t for t in trials_of(config.trials // config.seeds, seed) if t not in there]
     if missing and any(row["world"] != world_source() for row in rows):
         raise OSError(f"{path} holds trials in another version of the simulator; remove it")
+    if missing:
+        _check_training(bundle, way, seed, config.schedule)
     if missing or bundle.exists():
         other = {row["bundle"] for row in rows} - {identity_of(bundle)}
         if other:
@@ -231,20 +126,40 @@ def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
     return missing
 
 
-def _drive(config: TableIV, way: Way, seed: int, missing: Sequence[Trial]) -> None:
-    """Drive trials of a row and a training seed, and add them to its file."""
+def _check_training(bundle: Path, way: Way, seed: int, schedule: Schedule) -> None:
+    """See that a bundle of a preset's run is of the run that its folder's name says.
+
+    Raises:
+        BundleError: it is of another.
+    """
+    job = Job.of(BundleHead.load(bundle).training)
+    if job and job.config != replace(job, method=way.method, seed=seed, schedule=schedule).config:
+        raise BundleError(
+            f"found the bundle of {job.title} in {bundle}, expected {way.method}, {schedule}, of "
+            f"seed {seed}; export that run"
+        )
+
+
+def _drive(config: TableIV, way: Way, seed: int) -> None:
+    """Drive what is missing of a row and a training seed, and add it to its file."""
     # here, so that the command answers at once to --help and to arguments that make no sense
     from cfnav_ros.graph import Graph, GraphConfig
 
+    missing = _missing(config, way, seed)
+    if not missing:
+        return
     path, bundle = _file(config, way, seed), _bundle(config, way, seed)
-    write_rows(path, read_rows(path))
+    there = read_rows(path)
+    write_rows(path, there)
     said = {"bundle": identity_of(bundle), "run": run_of(bundle), "commit": commit()}
     said["world"] = world_source()
     print(f"{way.name}, training seed {seed}: {len(missing)} trials", flush=True)
     graph_config = GraphConfig(
         room=missing[0].room, logs=config.out / "logs" / path.stem, speed=config.speed,
         bundle=bundle, veto=way.veto, domain=config.domain, lock_step=True, p_hat=way.p_hat,
-        sample_seed=seed if way.sample else None, visual_shift=way.visual_shift, track=True,
+        # drives that go on do not draw the numbers of those before them again
+        sample_seed=1000 * seed + len(there) if way.sample else None,
+        visual_shift=way.visual_shift, track=True,
     )  # fmt: skip
     with Graph(graph_config) as graph:
         for trial in missing:
@@ -309,6 +224,12 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     from cfnav_ros.table_iv_plot import draw_table_iv
 
     driven = {way: [_driven(config, way, seed) for seed in range(config.seeds)] for way in ways}
+    worlds = {row["world"] for of in driven.values() for rows in of for row in rows}
+    if len(worlds) > 1:
+        raise OSError(
+            f"found trials in {len(worlds)} versions of the simulator in {config.out}, which "
+            f"do not compare; remove those whose world is not {world_source()}"
+        )
     results = config.results or config.out
     write_tables([_figures(config, way, driven) for way in ways], results)
     # the first goal in the first room, the second in the second, the third in the third
@@ -370,7 +291,9 @@ def _difference(
     """A field of ``Figures`` that compares two rows, and its interval."""
     found = _rates(driven[way], rate) - _rates(driven[other], rate)
     rooms = np.array([row["room"] for row in driven[way][0]])
-    return {name: float(found.mean()), f"{name}_ci95": interval_of_trials(found, rooms)}
+    # trials that all ended alike say nothing of how far others may differ
+    ends = interval_of_trials(found, rooms) if found.any() else None
+    return {name: float(found.mean()), f"{name}_ci95": ends}
 
 
 def _rates(rows: Sequence[Sequence[dict[str, Any]]], name: str) -> np.ndarray:

@@ -203,6 +203,11 @@ def test_a_torn_line_of_the_log_is_forgotten(scenes):
     (chosen.out / LOG).write_text(whole + '{"episodes": 3, "sr": 0.')
     Run(chosen).resume()
     assert (chosen.out / LOG).read_text() == whole
+    checkpoint = (chosen.out / CHECKPOINT).read_bytes()
+    (chosen.out / CHECKPOINT).unlink()
+    Run(chosen).resume()  # from nothing
+    assert (chosen.out / LOG).read_text() == ""
+    (chosen.out / CHECKPOINT).write_bytes(checkpoint)
     (chosen.out / LOG).write_text("{a}\n")
     with pytest.raises(CheckpointError, match="move it away"):
         Run(chosen).resume()

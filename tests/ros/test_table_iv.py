@@ -7,25 +7,14 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cfnav_ros.json_lines import append_row
-from cfnav_ros.table_iv import (
-    GOALS,
-    PAPERS,
-    PLACES,
-    ROOMS,
-    WAYS,
-    TableIV,
-    identity_of,
-    run,
-    run_of,
-    trials_of,
-    world_source,
-)
+from cfnav_ros.table_iv import TableIV, identity_of, run, run_of, world_source
+from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROOMS, WAYS, trials_of
 from PIL import Image
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode
@@ -33,6 +22,7 @@ from sim_bridge.room import generate_room, parse_room
 from sim_bridge.world import World
 
 from cfnav_core.actions import Action
+from cfnav_core.benchmark.jobs import Job
 from cfnav_core.bundle import BundleError, shipped_bundle
 from cfnav_core.checkpoint import load_tensors, save_tensors
 from cfnav_core.export import export_bundle
@@ -42,10 +32,10 @@ from tests.deploy.bundles import make_bundle
 METHODS = [way.method for way in PAPERS]
 
 
-def test_fifteen_trials_are_five_in_each_room_and_goal() -> None:
+def test_fifteen_trials_are_five_in_each_room() -> None:
     trials = trials_of(15, seed=0)
     assert set(Counter(t.room for t in trials).values()) == {5}
-    assert min(Counter(t.goal for t in trials).values()) == 3
+    assert [Counter(t.goal for t in trials)[goal] for goal in GOALS] == [6, 6, 3]
     others = [*trials_of(15, seed=1), *(t for n in range(5) for t in trials_of(20, n))]
     assert len({t.seed for t in [*trials, *others]}) == 15 + 15 + 100
 
@@ -135,9 +125,30 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     shutil.rmtree(bundles)
     run(config)
     assert json.loads((config.out / "summary.json").read_text())["rows"] == both
-    (config.out / "ours_seed0_15.jsonl").unlink()
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines).replace(world_source(), "older"))
+    with pytest.raises(OSError, match="found trials in 2 versions of the simulator"):
+        run(config)
+    path.unlink()
     with pytest.raises(BundleError, match="ours_seed0"):
         run(config)
+
+
+def test_a_bundle_of_another_training_is_refused(bundles: Path, tmp_path: Path) -> None:
+    job = Job("tdanet", "plain", "data2", 0, "small", "eyes")
+    head = bundles / "plain_seed0" / "bundle.json"
+    about = json.loads(head.read_text())
+    about["training"] = {
+        "config": asdict(job.config), "train_rooms": ["data2:train"], "perception": "eyes",
+    }  # fmt: skip
+    head.write_text(json.dumps(about))
+    for method, schedule in (("plain", "tenfold"), ("stage_only", "usual")):
+        config = TableIV(bundles, schedule, rows="paper", out=tmp_path)
+        name = method + ("_tenfold" if schedule == "tenfold" else "")
+        shutil.rmtree(bundles / f"{name}_seed0", ignore_errors=True)
+        shutil.copytree(bundles / "plain_seed0", bundles / f"{name}_seed0")
+        with pytest.raises(BundleError, match=f"found the bundle of {job.title} in .*{name}_seed0"):
+            run(replace(config, only=(method,)))
 
 
 def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:
@@ -164,6 +175,9 @@ def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None
     assert sum(row["sample"] for row in found) == 4
     assert rows["ours (TDANet)"]["over_own"] == pytest.approx((12 - 1) / 15, abs=1e-3)
     assert rows["ours (TDANet), actions drawn"]["over_own"] is None
+    alike = [row for row in found if row["gain"] == 0]
+    assert alike
+    assert all(row["gain_ci95"] is None for row in alike)
 
 
 def test_bundles_of_one_network_are_told_apart_by_their_weights(tmp_path: Path) -> None:
@@ -212,6 +226,15 @@ def test_the_graph_drives_what_is_missing(
         assert way == pytest.approx(row["path_length_m"], abs=0.05)
         assert row["track"][-1][2] == row["collisions"]
     assert len(list((config.out / "maps").iterdir())) == 3
+    # as if it had been killed in its second trial
+    path = config.out / "plain_seed0_3.jsonl"
+    path.write_text(json.dumps(rows[0]) + "\n" + json.dumps(rows[1])[:40])
+    again = start_process("cfnav_ros.trials", *command, "--only", "plain")
+    assert again.wait(300) == 0, again.output
+    assert "training seed 0: 2 trials" in again.output
+    went_on = [json.loads(line) for line in path.open()]
+    assert went_on[0] == rows[0]
+    assert [row["trial"] for row in went_on] == [row["trial"] for row in rows]
 
 
 @pytest.mark.ros

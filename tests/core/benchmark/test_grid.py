@@ -11,7 +11,8 @@ import pytest
 from cfnav_core.benchmark.grid import GridError, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.tested import FrozenTest
-from cfnav_core.benchmark.work import Task, locked
+from cfnav_core.benchmark.work import Task
+from cfnav_core.locks import locked
 from cfnav_core.run_files import STAGE1
 
 OURS = Job("lstde", "ours", "data1", 0, "tiny", "p")
@@ -72,6 +73,16 @@ def test_what_is_done_is_not_done_again(places: Places) -> None:
     again = Recorded()
     run_tasks(tasks, again)
     assert again.begun == []
+
+
+def test_results_without_the_weights_to_go_on_from_are_told(places: Places) -> None:
+    tasks = of(places, "ours", "plain", "reward")
+    run_tasks(tasks[:1], Recorded())
+    (tasks[0].folder / STAGE1).unlink()
+    executor = Recorded()
+    with pytest.raises(GridError, match=r"without stage1.* from which data1 lstde plain seed0"):
+        run_tasks(tasks, executor)
+    assert executor.begun == []
 
 
 def test_a_failure_is_told_and_the_rest_is_done(places: Places) -> None:

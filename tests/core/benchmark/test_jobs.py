@@ -137,6 +137,9 @@ def test_nothing_is_longer_in_a_preset_whose_methods_are_all_as_long() -> None:
     full, small = (Job.of_row(row, 0, preset, "eyes") for preset in ("full", "small"))
     assert full == replace(OURS, preset="full", perception="eyes")
     assert small.schedule == "longer"
+    row = next(row for row in ROWS if row.schedule == "tenfold" and row.method == "ours")
+    full, small = (Job.of_row(row, 0, preset, "eyes") for preset in ("full", "small"))
+    assert (full.schedule, small.schedule) == ("usual", "tenfold")
 
 
 def test_a_bundle_names_the_run_that_it_came_from() -> None:

@@ -20,10 +20,10 @@ from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.presets import PRESETS
 from cfnav_core.benchmark.run import run_benchmark
 from cfnav_core.benchmark.stamps import Made
-from cfnav_core.benchmark.work import locked
 from cfnav_core.env import SceneBank
 from cfnav_core.evaluate import Episodes
 from cfnav_core.knowledge.files import load_knowledge
+from cfnav_core.locks import locked
 from cfnav_core.published.start_states import read_episodes, write_episodes
 from cfnav_core.rooms import parse_room, room_folder
 from cfnav_core.scene import LIDAR, SCENE, SceneError
@@ -86,7 +86,10 @@ def test_csv_and_pages_say_the_same(options: Benchmark, found) -> None:
     page = (options.out / "table_I.md").read_text()
     assert "| data2 | ours (MJOLNIR-r) | 55.8 |" in page
     gain = 100 * float(str(found["ours (MJOLNIR-r)"]["gain"]))
-    assert f"on data2, 1 model: {gain:+.1f} points; the paper's of the same: +8.6." in page
+    assert (
+        f"on data2, 1 model (seeds: 1, tiny): {gain:+.1f} points; the paper's of the same: +8.6."
+        in page
+    )
     below = page.split("given another probability")[1]
     assert below.count("| data2 | ours (MJOLNIR-r), ") == 3
     assert "| data2 | ours (MJOLNIR-r), the true flag for p_hat |" in below
@@ -232,6 +235,33 @@ def test_recorded_results_give_the_same_tables(options: Benchmark, found, tmp_pa
         run_benchmark(alone, "")
     with pytest.raises(ValueError, match=r"found no readable tests\.json in .* unpack recorded"):
         run_benchmark(replace(alone, out=tmp_path / "other"), "")
+
+
+@pytest.mark.long
+def test_tenfold_goes_on_from_the_usual_stage_one_to_a_table_of_its_own(
+    options: Benchmark, found, tmp_path
+) -> None:
+    tenfold = replace(options, tables=("tenfold",), model=("tdanet",), ray="")
+    run_benchmark(tenfold, "cfnav benchmark tenfold")
+    rows = json.loads((options.out / "summary.json").read_text())["rows"]
+    assert {row["row"]: row for row in rows if row["table"] != "tenfold"} == found
+    mine = {row["row"]: row for row in rows if row["table"] == "tenfold"}
+    assert {row["method"] for row in mine.values()} == {
+        "plain", "reward_only", "stage_only", "ours", "truth",
+    }  # fmt: skip
+    assert mine["ours (TDANet), actions drawn"]["sample"]
+    runs = options.out / "runs"
+    for method in ("plain", "ours", "reward_only"):
+        (run,) = runs.glob(f"data2_tdanet_{method}_tenfold_seed0_*")
+        assert not (run / "stage1.safetensors").exists()
+        last = json.loads((run / "log.jsonl").read_text().splitlines()[-1])
+        assert last["episodes"] >= 600
+    assert (options.out / "curves_tenfold.png").exists()
+    assert "| Truth (TDANet) |" in (options.out / "curves_tenfold.md").read_text()
+    again = replace(tenfold, recorded=True, results=tmp_path)
+    run_benchmark(again, "cfnav benchmark tenfold")
+    table = "table_tenfold.md"
+    assert (tmp_path / table).read_text() == (options.out / table).read_text()
 
 
 def test_a_grid_that_is_told_to_stop_leaves_nothing_behind(options: Benchmark, tmp_path) -> None:
