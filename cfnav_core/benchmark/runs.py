@@ -83,10 +83,10 @@ def write_runs(jobs: Iterable[Job], papers: Iterable[Job], places: Places, out: 
     table.writerows(rows)
     write_file(path, text.getvalue())
     of_tables = [run for run in found if run.config_hash in of_paper]
-    print(
-        f"{len(found)} runs took {_hours(found):.1f} processor hours of training, the "
-        f"{len(of_tables)} of the paper's tables {_hours(of_tables):.1f} ({path})\n"
-    )
+    said = f"{len(found)} runs took {_hours(found):.1f} processor hours of training"
+    if of_tables:
+        said += f", the {len(of_tables)} of the paper's tables {_hours(of_tables):.1f}"
+    print(f"{said} ({path})\n")
 
 
 def _hours(runs: Sequence[Trained]) -> float:
