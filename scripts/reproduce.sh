@@ -15,8 +15,13 @@ perception=cfnav_core/bundles/default/perception.onnx
 python -m sim_bridge.dataset --perception "$perception" --out "$out/rooms"
 python -m sim_bridge.scans "$out/rooms" --rooms data2:test
 python -m cfnav_ros.lidar_states "$out/rooms"
-cfnav benchmark I II III own tenfold --scenes "$out/rooms" --out "$out/grid" --seeds "$seeds" \
-  --preset "$preset" --results "$results"
+benchmark() {
+  cfnav benchmark "$@" --scenes "$out/rooms" --out "$out/grid" --preset "$preset" \
+    --results "$results"
+}
+benchmark I II III own --seeds "$seeds"
+benchmark tenfold --model tdanet --seeds "$seeds"
+benchmark tenfold --model lstde --seeds 1
 
 bundle() { # METHOD, or METHOD_tenfold; SEED
   local folder weights

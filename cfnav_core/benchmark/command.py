@@ -27,7 +27,8 @@ class Benchmark:
     """
 
     tables: Annotated[tuple[TableName, ...], tyro.conf.Positional] = ("I", "II", "III", "own")
-    """Tables of the paper, rows of our own, and what ten times as many episodes make of TDANet."""
+    """Tables of the paper, rows of our own, and what ten times as many episodes make of TDANet
+    and L-sTDE."""
     scenes: Path = Path("out/rooms")
     """All built-in rooms (python -m sim_bridge.dataset --out out/rooms)."""
     out: Path = Path("out/grid")

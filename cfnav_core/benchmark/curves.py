@@ -28,7 +28,7 @@ LAST = 5
 """Points at the end of a curve whose mean is said."""
 
 COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#0072b2")
-"""Of Okabe and Ito, told apart by colour-blind people too."""
+"""Of Okabe and Ito, told apart by colour-blind people too; ours, the last row, has the last."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,12 @@ def draw_curves(curves: Sequence[tuple[str, Sequence[Curve], int]], path: Path) 
     Raises:
         WriteError: the picture cannot be written.
     """
+    colours = (*COLOURS[: len(curves) - 1], COLOURS[-1])
     with mpl.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=(9, 3.6), layout="constrained")
         axes = figure.subplots(1, 2, sharey=True)
         for ax, (key, title) in zip(axes, PANELS.items(), strict=True):
-            for (name, seeds, stage1_episodes), colour in zip(curves, COLOURS, strict=False):
+            for (name, seeds, stage1_episodes), colour in zip(curves, colours, strict=True):
                 x, y = _together(seeds, key)
                 ax.plot(x / 1000, y.mean(0), color=colour, label=name, lw=1.5)
                 if len(y) > 1:

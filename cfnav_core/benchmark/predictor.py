@@ -22,6 +22,9 @@ from cfnav_core.scene import LIDAR
 from cfnav_core.scenes import lidar_of
 from cfnav_core.whole import write_file
 
+JUDGED = ("I", "tenfold")
+"""Tables whose rows of ours are judged."""
+
 FIGURES = ("blocked", "auc", "ece", "skill")
 
 
@@ -31,7 +34,8 @@ class Quality:
 
     Attributes:
         source: "RGB predictor", "LiDAR", or "the larger" of both.
-        model, split: whose episodes.
+        model: with its schedule and its preset where these are not the usual ones.
+        split: whose episodes.
         steps: judged, of all runs. blocked: share of them at which MoveAhead would collide.
         auc: area under the ROC curve.
         ece: expected calibration error, 10 bins of equal width.
@@ -49,7 +53,7 @@ class Quality:
 
 
 def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
-    """Write and print how good the probabilities are that every row of ours in Table I was given.
+    """Write and print how good the probabilities are that ours was given, of every training.
 
     The LiDAR's are judged beside them where the test rooms were scanned.
 
@@ -64,7 +68,7 @@ def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     """
     found: list[Quality] = []
     for row in rows:
-        if (row.table, row.method) == ("I", "ours"):
+        if row.method == "ours" and row.table in JUDGED and not (row.itself or row.sample):
             found += over_runs(_judged(row, bench))
     if not found:
         return
@@ -87,10 +91,15 @@ def _judged(row: Row, bench: Bench) -> list[list[Quality]]:
         if not path.exists():
             names = sorted(set(Tested.load(result).rooms.tolist()))
             lidar = lidar_of(bench.places.scenes, names) if scanned else None
-            found = qualities(NAMES[row.model], row.split, Steps.load(result), lidar)
+            found = qualities(_title(row, bench), row.split, Steps.load(result), lidar)
             write_json(path, {"sources": [asdict(q) for q in found]})
         runs.append([Quality(**q) for q in json.loads(path.read_text())["sources"]])
     return runs
+
+
+def _title(row: Row, bench: Bench) -> str:
+    more = [row.schedule] * (row.schedule != "usual") + [bench.preset] * (bench.preset != "small")
+    return ", ".join([NAMES[row.model], *more])
 
 
 def qualities(model: str, split: str, steps: Steps, lidar: np.ndarray | None) -> list[Quality]:

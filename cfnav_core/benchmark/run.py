@@ -21,6 +21,12 @@ from cfnav_core.knowledge.command import WORDS, KnowledgeCommand
 from cfnav_core.run_files import BEST
 from cfnav_core.whole import write_file
 
+PAPER = ("I", "II", "III")
+"""Tables of the paper."""
+
+CURVES = ("II", "III", "tenfold")
+"""Tables with learning curves, the last with some for each model."""
+
 PATHS = 3
 """Episodes in the path figure."""
 
@@ -54,7 +60,7 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
         found += [figures_of_chance(split, bench) for split in splits]
     results = options.results or places.out
     write_tables(found, results)
-    papers = [row for row in rows if row.paper]
+    papers = [row for row in rows if row.table in PAPER]
     of_paper = jobs_of(papers, options.seeds, options.preset, made.perception)
     write_runs(jobs, of_paper, places, results)
     judge_predictors(rows, bench, results)
@@ -139,22 +145,22 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     The paths are of seed 0.
     """
     model, split = STUDIED
-    for table in ("II", "III", "tenfold"):
-        of = [row for row in rows if row.table == table and not (row.itself or row.sample)]
-        if not of:
-            continue
+    drawn: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.table in CURVES and not (row.itself or row.sample):
+            name = row.table if row.table in PAPER else f"{row.table}_{row.model}"
+            drawn.setdefault(name, []).append(row)
+    for name, of in drawn.items():
         curves = [
             (row.name, [Curve.read(job, bench.places) for job in jobs],
              jobs[0].config.hyperparameters.stage1_episodes)
             for row in of
             for jobs in [[bench.job(row, seed) for seed in range(bench.seeds)]]
         ]  # fmt: skip
-        draw_curves(curves, results / f"curves_{table}.png")
-        write_file(results / f"curves_{table}.md", gaps_as_markdown(curves))
+        draw_curves(curves, results / f"curves_{name}.png")
+        write_file(results / f"curves_{name}.md", gaps_as_markdown(curves))
     studied = [row for row in rows if (row.model, row.split) == (model, split)]
-    ours = next(
-        (row for row in studied if row.table in ("I", "II", "III") and row.method == "ours"), None
-    )
+    ours = next((row for row in studied if row.table in PAPER and row.method == "ours"), None)
     if ours and ours.reference:
         compared = (ours.reference, ours)
         before, after = (bench.job(row, 0).options(bench.places).out / BEST for row in compared)

@@ -35,8 +35,8 @@ def test_a_run_that_rows_share_is_made_once() -> None:
     assert len({job.name for job in jobs}) == len(jobs)
     assert sum((j.model, j.method, j.schedule) == ("lstde", "plain", "usual") for j in jobs) == 5
     # 7 pairs with 2 methods; of L-sTDE 7 others and 2 longer, of TDANet Stage Only, Reward Only
-    # and Truth, of HOZ 2 with a later stage two, of TDANet 5 trained tenfold
-    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2 + 5)
+    # and Truth, of HOZ 2 with a later stage two, of TDANet 5 and of L-sTDE 7 trained tenfold
+    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2 + 5 + 7)
 
 
 def test_rows_as_long_have_as_many_episodes_and_the_same_stage_one() -> None:
@@ -66,18 +66,32 @@ def test_a_later_stage_two_follows_a_stage_one_of_its_own() -> None:
         assert job.name != sooner.name
 
 
-def test_tenfold_runs_go_on_from_the_usual_stage_one() -> None:
-    rows = [row for row in ROWS if row.table == "tenfold"]
+@pytest.mark.parametrize(
+    ("model", "methods"),
+    [
+        ("tdanet", {"plain", "reward_only", "stage_only", "truth", "ours"}),
+        ("lstde", {"plain", "reward", "xiao", "wu", "stage_only", "cp_only", "ours"}),
+    ],
+)
+def test_tenfold_runs_go_on_from_the_usual_stage_one(model: str, methods: set[str]) -> None:
+    rows = [row for row in ROWS if row.table == "tenfold" and row.model == model]
     jobs = {row.method: Job.of_row(row, 0, "small", "p") for row in rows}
-    assert set(jobs) == {"plain", "reward_only", "stage_only", "ours", "truth"}
+    assert set(jobs) == methods
     ours = replace(jobs["ours"], schedule="usual")
     for method, job in jobs.items():
         usual = replace(ours, method=method)
-        assert job.stage1 == (usual if method == "reward_only" else ours)
+        assert job.stage1 == (ours if method in ("plain", "stage_only", "truth") else usual)
         numbers, before = (of.config.hyperparameters for of in (job, usual))
         assert numbers == replace(before, stage2_episodes=10 * before.stage2_episodes)
     references = {Job.of_row(row.reference, 0, "small", "p") for row in rows if row.reference}
     assert references == {jobs["plain"]}
+
+
+def test_tenfold_rows_have_the_papers_numbers_of_the_usual_ones() -> None:
+    rows = [row for row in ROWS if row.table == "tenfold" and row.paper]
+    usual = {(row.model, row.method): row.paper for row in ROWS if row.table in ("I", "II", "III")}
+    assert {(row.model, row.method): row.paper for row in rows}.items() <= usual.items()
+    assert [row.model for row in rows] == ["tdanet"] * 2 + ["lstde"] * 7
 
 
 def test_what_is_waited_for_comes_first() -> None:

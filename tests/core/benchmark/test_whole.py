@@ -122,7 +122,9 @@ def test_probabilities_are_judged_where_ours_drove(options: Benchmark, found) ->
     assert rgb["steps"] == lidar["steps"] >= 40
     assert (lidar["auc"], lidar["ece"], lidar["skill"]) == (1.0, 0.0, 1.0)  # the truth, here
     assert rgb["skill"] < 1
-    assert "| data2 | MJOLNIR-r | LiDAR | 1.000 |" in (options.out / "predictor.md").read_text()
+    assert (
+        "| data2 | MJOLNIR-r, tiny | LiDAR | 1.000 |" in (options.out / "predictor.md").read_text()
+    )
 
 
 def test_stage_one_was_trained_once(options: Benchmark, found) -> None:
@@ -256,8 +258,10 @@ def test_tenfold_goes_on_from_the_usual_stage_one_to_a_table_of_its_own(
         assert not (run / "stage1.safetensors").exists()
         last = json.loads((run / "log.jsonl").read_text().splitlines()[-1])
         assert last["episodes"] >= 600
-    assert (options.out / "curves_tenfold.png").exists()
-    assert "| Truth (TDANet) |" in (options.out / "curves_tenfold.md").read_text()
+    assert (options.out / "curves_tenfold_tdanet.png").exists()
+    assert "| Truth (TDANet) |" in (options.out / "curves_tenfold_tdanet.md").read_text()
+    judged = [q["model"] for q in json.loads((options.out / "predictor.json").read_text())]
+    assert judged[-3:] == ["TDANet, tenfold, tiny"] * 3
     again = replace(tenfold, recorded=True, results=tmp_path)
     run_benchmark(again, "cfnav benchmark tenfold")
     table = "table_tenfold.md"
