@@ -165,8 +165,9 @@ def draw_paths(pairs: Sequence[Pair], names: tuple[str, str], path: Path) -> Non
             for ax, name, way in zip(axes, names, (pair.before, pair.after), strict=True):
                 _draw(ax, pair, way)
                 ended = "reached" if way.success else "missed"
-                touched = int(way.collided.sum())
-                ax.set_title(f"{pair.scene}, {pair.goal}: {name}\n{ended}, {touched} collisions")
+                n = int(way.collided.sum())
+                touched = f"{n} collision{'s' * (n != 1)}" if n else "nothing touched"
+                ax.set_title(f"{pair.scene}, {pair.goal}: {name}\n{ended}, {touched}")
         figure.legend(handles=LEGEND, loc="outside lower center", ncols=3, frameon=False)
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")

@@ -76,7 +76,8 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path, places: Places) -> None:
     for contact in merged(hits):
         draw_contact(ax, contact, LIGHT)
     ended = "reached" if trial["success"] else "missed"
-    touched = f"{trial['collisions']} collisions" if trial["collisions"] else "nothing touched"
+    n = trial["collisions"]
+    touched = f"{n} collision{'s' * (n != 1)}" if n else "nothing touched"
     ax.set_title(f"{trial['goal']} in {trial['room']}\n{ended}, {touched}")
     ax.set_xticks([])
     ax.set_yticks([])
