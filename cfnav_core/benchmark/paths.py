@@ -166,8 +166,7 @@ def draw_paths(pairs: Sequence[Pair], names: tuple[str, str], path: Path) -> Non
                 _draw(ax, pair, way)
                 ended = "reached" if way.success else "missed"
                 n = int(way.collided.sum())
-                touched = f"{n} collision{'s' * (n != 1)}" if n else "nothing touched"
-                ax.set_title(f"{pair.scene}, {pair.goal}: {name}\n{ended}, {touched}")
+                ax.set_title(f"{pair.scene}, {pair.goal}: {name}\n{ended}, collisions: {n}")
         figure.legend(handles=LEGEND, loc="outside lower center", ncols=3, frameon=False)
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")

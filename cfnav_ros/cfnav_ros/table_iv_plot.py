@@ -76,8 +76,7 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path, places: Places) -> None:
     for contact in merged(hits):
         draw_contact(ax, contact, LIGHT)
     ended = "reached" if trial["success"] else "missed"
-    n = trial["collisions"]
-    touched = f"{n} collision{'s' * (n != 1)}" if n else "nothing touched"
-    ax.set_title(f"{trial['goal']} in {trial['room']}\n{ended}, {touched}")
+    what = f"{ended}, collisions: {trial['collisions']}"
+    ax.set_title(f"{trial['goal']} in {trial['room']}\n{what}")
     ax.set_xticks([])
     ax.set_yticks([])
