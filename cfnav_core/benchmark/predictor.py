@@ -40,6 +40,7 @@ class Quality:
         auc: area under the ROC curve.
         ece: expected calibration error, 10 bins of equal width.
         skill: Brier skill against the constant share of blocked steps.
+        seeds: of training, whose runs were judged.
     """
 
     source: str
@@ -50,6 +51,7 @@ class Quality:
     auc: float
     ece: float
     skill: float
+    seeds: int = 1
 
 
 def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
@@ -128,6 +130,7 @@ def over_runs(found: Sequence[Sequence[Quality]]) -> list[Quality]:
         replace(
             same[0],
             steps=sum(q.steps for q in same),
+            seeds=len(same),
             **{name: float(np.mean([getattr(q, name) for q in same])) for name in FIGURES},
         )
         for same in zip(*found, strict=True)
@@ -144,12 +147,13 @@ def _figures(p: np.ndarray, blocked: np.ndarray) -> tuple[float, float, float]:
 def as_markdown(found: Sequence[Quality]) -> str:
     """A table for people."""
     lines = [
-        "| data | model | source | AUC | calibration error | Brier skill | blocked | steps |",
-        "|" + "---|" * 8,
+        "| data | model | source | AUC | calibration error | Brier skill | blocked | steps "
+        "| seeds |",
+        "|" + "---|" * 9,
     ]
     lines += [
         f"| {q.split} | {q.model} | {q.source} | {q.auc:.3f} | {q.ece:.3f} | {q.skill:.3f} "
-        f"| {100 * q.blocked:.1f} % | {q.steps:,} |"
+        f"| {100 * q.blocked:.1f} % | {q.steps:,} | {q.seeds} |"
         for q in found
     ]
     return "\n".join(lines) + "\n"
