@@ -25,7 +25,7 @@ import tyro
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import change, spread
 from cfnav_core.benchmark.presets import PresetName
-from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Split
+from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split
 from cfnav_core.benchmark.stamps import Made
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.work import DONE
@@ -104,6 +104,8 @@ class Study:
     """Only this model, given as often as needed."""
     preset: PresetName = "small"
     """That of the grid."""
+    schedule: Schedule = "usual"
+    """Of training; the files of another than the usual one bear its name, as p_hat_tenfold.md."""
 
 
 @dataclass(frozen=True)
@@ -154,14 +156,15 @@ def run(study: Study) -> None:
             for line in _lines(study, of, {k[1:]: o for k, o in runs.items() if k[0] == of}, pool)
         ]
     study.results.mkdir(parents=True, exist_ok=True)
+    name = "p_hat" if study.schedule == "usual" else f"p_hat_{study.schedule}"
     write_file(
-        study.results / "p_hat.json",
+        study.results / f"{name}.json",
         json.dumps({"command": shlex.join(["python", "-m", __spec__.name, *sys.argv[1:]]),
-                    "seeds": study.seeds, "episodes": study.episodes,
+                    "schedule": study.schedule, "seeds": study.seeds, "episodes": study.episodes,
                     "rows": [asdict(line) for line in found]}, indent=1) + "\n",
     )  # fmt: skip
     page = as_markdown(found)
-    write_file(study.results / "p_hat.md", page)
+    write_file(study.results / f"{name}.md", page)
     print(page)
 
 
@@ -170,7 +173,8 @@ def _options(
 ) -> TrainOptions:
     """How a run is trained."""
     places = Places(study.scenes.resolve(), study.grid.resolve())
-    job = Job(model, variant.method, split, seed, study.preset, Made.read(study.grid).perception)
+    perception = Made.read(study.grid).perception
+    job = Job(model, variant.method, split, seed, study.preset, perception, study.schedule)
     options = job.options(places)
     if not variant.new:
         if not (options.out / DONE).exists():

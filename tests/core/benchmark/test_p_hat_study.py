@@ -58,6 +58,26 @@ def test_it_goes_on_without_training_again(study: Study) -> None:
     assert (study.results / "p_hat.md").read_text() == page
 
 
+def test_it_asks_the_same_of_longer_training(study: Study) -> None:
+    grid = Benchmark(
+        ("tenfold",), study.scenes, study.grid, seeds=1, preset="tiny", model=("tdanet",), jobs=2,
+        train_only=True, device="cpu",
+    )  # fmt: skip
+    run_benchmark(grid, "")
+    usual = (study.results / "p_hat.md").read_text()
+    run(replace(study, schedule="tenfold"))
+    found = json.loads((study.results / "p_hat_tenfold.json").read_text())
+    assert found["schedule"] == "tenfold"
+    assert len(found["rows"]) == 1 + 3 * 6
+    (best,) = study.grid.glob("p_hat/*_tenfold_*/best.safetensors")
+    (other,) = study.grid.glob("p_hat/*_ours_seed0_listening/best.safetensors")
+    long, short = (load_tensors(path)[1]["config"] for path in (best, other))
+    assert long["listening"]
+    episodes = [run["hyperparameters"]["stage2_episodes"] for run in (short, long)]
+    assert episodes[1] == 2 * episodes[0]
+    assert (study.results / "p_hat.md").read_text() == usual
+
+
 def test_a_seed_that_no_grid_trained_is_told(study: Study) -> None:
     with pytest.raises(ValueError, match="found no trained run data2 tdanet plain seed1 in"):
         run(replace(study, seeds=2))
