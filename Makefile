@@ -49,7 +49,7 @@ bench-bag: setup-test ## Measure how bags are read, replayed and judged; goes on
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 	@$(ENV) exec scripts/train_demo.sh
 
-reproduce: setup-test ## Remake the paper's tables and figures from nothing (hours); goes on where it stopped
+reproduce: setup-test ## Remake the paper's tables and figures from nothing (days on two cores); goes on where it stopped
 	@$(ENV) exec scripts/reproduce.sh
 
 clean: ## Remove everything that was built

@@ -38,7 +38,8 @@ class Evaluate:
     """Sample actions instead of taking the most probable one."""
     p_hat: PHat = "own"
     """Collision probability: its own prediction, zero, its own of another episode, the true flag,
-    or what the LiDAR says (python -m sim_bridge.scans, then python -m cfnav_ros.lidar_states)."""
+    what the LiDAR says (python -m sim_bridge.scans, then python -m cfnav_ros.lidar_states), or the
+    larger of that and its own."""
     veto: bool = False
     """The LiDAR may forbid a MoveAhead, as on the robot."""
     against: Path | None = None

@@ -19,15 +19,19 @@ from matplotlib.figure import Figure
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import spread
 from cfnav_core.benchmark.statistics import over_seeds
+from cfnav_core.methods import METHODS
 from cfnav_core.run_files import LOG
 from cfnav_core.whole import whole, writing
 
-PANELS = {"cf_sr": "training rooms", "validation_cf_sr": "unseen rooms (validation)"}
+PANELS = {
+    "cf_sr": "training rooms, actions drawn",
+    "validation_cf_sr": "unseen rooms (validation), most probable actions",
+}
 
-LAST = 5
+LAST = 2
 """Points at the end of a curve whose mean is said."""
 
-COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#0072b2")
+COLOURS = ("#000000", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#0072b2")
 """Of Okabe and Ito, told apart by colour-blind people too; ours, the last row, has the last."""
 
 
@@ -52,9 +56,8 @@ class Curve:
         """
         lines = _log(job, places)
         if job.stage1:
-            hp = job.config.hyperparameters
-            # the round that ends stage one is the last of it, however many episodes ended in it
-            until = hp.stage1_episodes + hp.batch * hp.rollout_length
+            # at the end of its stage one the other run already validated with p_hat fed
+            until = job.config.hyperparameters.stage1_episodes
             lines = [s for s in _log(job.stage1, places) if s["episodes"] < until] + lines
         return cls(
             np.array([line["episodes"] for line in lines]),
@@ -62,16 +65,44 @@ class Curve:
         )
 
 
+@dataclass(frozen=True)
+class Learned:
+    """The curves of a method.
+
+    Attributes:
+        name: of its row. seeds: curves of its runs.
+        stage2_from: episodes when stage two begins, None where it is as stage one.
+    """
+
+    name: str
+    seeds: Sequence[Curve]
+    stage2_from: int | None = None
+
+    @classmethod
+    def read(cls, name: str, jobs: Sequence[Job], places: Places) -> Learned:
+        """Those of runs of one configuration.
+
+        Raises:
+            FileNotFoundError: a run was not made.
+        """
+        method, config = METHODS[jobs[0].method], jobs[0].config
+        begins = config.hyperparameters.stage1_episodes
+        return cls(
+            name, [Curve.read(job, places) for job in jobs],
+            begins if method.stage1 != method.stage2 else None,
+        )  # fmt: skip
+
+
 def _log(job: Job, places: Places) -> list[dict[str, float]]:
     path = job.options(places).out / LOG
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def draw_curves(curves: Sequence[tuple[str, Sequence[Curve], int]], path: Path) -> None:
+def draw_curves(curves: Sequence[Learned], path: Path) -> None:
     """Draw methods beside one another: means over seeds, with bands of a standard deviation.
 
     Args:
-        curves: names of methods, the curves of their seeds, and where stage two begins.
+        curves: of the methods, ours last.
         path: PNG file.
 
     Raises:
@@ -82,35 +113,38 @@ def draw_curves(curves: Sequence[tuple[str, Sequence[Curve], int]], path: Path) 
         figure = Figure(figsize=(9, 3.6), layout="constrained")
         axes = figure.subplots(1, 2, sharey=True)
         for ax, (key, title) in zip(axes, PANELS.items(), strict=True):
-            for (name, seeds, stage1_episodes), colour in zip(curves, colours, strict=True):
-                x, y = _together(seeds, key)
-                ax.plot(x / 1000, y.mean(0), color=colour, label=name, lw=1.5)
+            for of, colour in zip(curves, colours, strict=True):
+                x, y = _together(of.seeds, key)
+                y = 100 * y
+                ax.plot(x / 1000, y.mean(0), color=colour, label=of.name, lw=1.5)
                 if len(y) > 1:
                     low, high = y.mean(0) - y.std(0, ddof=1), y.mean(0) + y.std(0, ddof=1)
                     ax.fill_between(x / 1000, low, high, color=colour, alpha=0.15, lw=0)
-                begins = np.interp(stage1_episodes, x, y.mean(0))
-                ax.plot(stage1_episodes / 1000, begins, "o", color=colour, ms=4)
+                if of.stage2_from is not None:
+                    begins = np.interp(of.stage2_from, x, y.mean(0))
+                    ax.plot(of.stage2_from / 1000, begins, "o", color=colour, ms=4)
             ax.plot([], [], "o", color="0.5", ms=4, label="stage two begins")
-            ax.set(title=title, xlabel="episodes, thousands", ylim=(0, 1))
-        axes[0].set_ylabel("CF-SR")
+            ax.fill_between([], [], color="0.5", alpha=0.3, lw=0, label="± std over seeds")
+            ax.set(title=title, xlabel="episodes, thousands", ylim=(0, 100))
+        axes[0].set_ylabel("CF-SR, %")
         axes[0].legend(frameon=False, fontsize=8)
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")
 
 
-def gaps_as_markdown(curves: Sequence[tuple[str, Sequence[Curve], int]]) -> str:
+def gaps_as_markdown(curves: Sequence[Learned]) -> str:
     """How far each method is better where it was trained, percent, at the ends of its curves.
 
     Args:
         curves: as ``draw_curves`` takes them.
     """
     lines = ["| method | training rooms | unseen rooms | gap |", "|" + "---|" * 4]
-    for name, seeds, _ in curves:
-        known, unseen = (np.array([c.values[key][-LAST:] for c in seeds]) for key in PANELS)
-        cells = [name]
+    for of in curves:
+        known, unseen = (np.array([c.values[key][-LAST:] for c in of.seeds]) for key in PANELS)
+        cells = [of.name]
         for ends in (known, unseen, known - unseen):
             mean, std = over_seeds(ends)
-            cells.append(spread(mean, std if len(seeds) > 1 else None))
+            cells.append(spread(mean, std if len(of.seeds) > 1 else None))
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

@@ -156,7 +156,7 @@ def jobs_of(rows: Iterable[Row], seeds: int, preset: PresetName, perception: str
         perception: identity of the scenes' perception.
     """
     wanted: dict[Job, None] = {}
-    compared = [of for row in rows for of in (row, row.reference) if of]
+    compared = [of for row in rows for of in (row, row.reference, row.rival) if of]
     for seed in range(seeds):
         for row in compared:
             job = Job.of_row(row, seed, preset, perception)

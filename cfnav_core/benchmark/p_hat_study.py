@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -182,8 +183,10 @@ def _options(
                 f"found no trained run {job.title} in {study.grid}; run cfnav benchmark first"
             )
         return options
-    name = job.title.replace(" ", "_") + ("_listening" if variant.listening else "_dropout")
     config = variant.config(options.run)
+    about = json.dumps({"beside": job.hash, "run": asdict(config)}, sort_keys=True)
+    what = "listening" if variant.listening else "dropout"
+    name = f"{job.title.replace(' ', '_')}_{what}_{sha256(about.encode()).hexdigest()[:12]}"
     # its stage one is its own: weights and random numbers differ from the start
     return replace(options, run=config, stage1=None, out=places.out / "p_hat" / name)
 

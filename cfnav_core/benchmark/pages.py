@@ -29,11 +29,14 @@ class Figures:
 
     Attributes:
         cf_sr_std, cf_spl_std: over seeds, None for one seed.
+        collisions_mean: per episode. touched_mean: share of the episodes with any.
+        aborted_mean: share of live trials that the policy node gave up.
         preset: of sizes and numbers.
         sample: actions were drawn.
         gain: mean CF-SR minus that of the row it is compared with, paired by seed and episode.
         gain_ci95: 95 % interval over seeds and rooms. gain_by_seed: its mean for each.
         over_own: mean CF-SR minus that of the same policies with their own p_hat, without veto.
+        ours_over: mean CF-SR of the paper's method minus that of this row.
         long_cf_sr_mean, long_gain: over the episodes that take five actions or more.
         command: that made the row.
         config_hash: of the runs' configuration, seed 0.
@@ -62,7 +65,9 @@ class Figures:
     tested_at: str
     sample: bool = False
     paper_cf_sr: float | None = None
+    paper_cf_sr_std: float | None = None
     paper_cf_spl: float | None = None
+    paper_cf_spl_std: float | None = None
     paper_gain: float | None = None
     gain: float | None = None
     gain_ci95: tuple[float, float] | None = None
@@ -71,6 +76,10 @@ class Figures:
     sr_gain_ci95: tuple[float, float] | None = None
     over_own: float | None = None
     over_own_ci95: tuple[float, float] | None = None
+    ours_over: float | None = None
+    ours_over_ci95: tuple[float, float] | None = None
+    touched_mean: float | None = None
+    aborted_mean: float | None = None
     long_episodes: int | None = None
     long_cf_sr_mean: float | None = None
     long_gain: float | None = None
@@ -193,22 +202,28 @@ def as_csv(rows: Sequence[Figures]) -> str:
 
 
 def as_markdown(rows: Sequence[Figures]) -> str:
-    """A table for people, percent."""
-    lines = [
-        "| data | row | CF-SR, paper | CF-SR | gain, paper | gain [95 %] | over own p_hat [95 %] "
-        "| CF-SPL, paper | CF-SPL | SR | SR gain [95 %] | collisions per episode | seeds |",
-        "|" + "---|" * 13,
-    ]
-    for r in rows:
-        cells = (
-            r.split, r.row, _percent(r.paper_cf_sr), spread(r.cf_sr_mean, r.cf_sr_std),
-            _signed(r.paper_gain), change(r.gain, r.gain_ci95),
-            change(r.over_own, r.over_own_ci95), _percent(r.paper_cf_spl),
-            spread(r.cf_spl_mean, r.cf_spl_std), _percent(r.sr_mean),
-            change(r.sr_gain, r.sr_gain_ci95), f"{r.collisions_mean:.2f}", _seeds(r),
-        )  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    """A table for people, percent; without the columns in which no row has a figure."""
+    columns = {
+        "data": [r.split for r in rows],
+        "row": [r.row for r in rows],
+        "CF-SR, paper": [spread(r.paper_cf_sr, r.paper_cf_sr_std) for r in rows],
+        "CF-SR": [spread(r.cf_sr_mean, r.cf_sr_std) for r in rows],
+        "gain, paper": [_signed(r.paper_gain) for r in rows],
+        "gain [95 %]": [change(r.gain, r.gain_ci95) for r in rows],
+        "over own p_hat [95 %]": [change(r.over_own, r.over_own_ci95) for r in rows],
+        "ours minus it [95 %]": [change(r.ours_over, r.ours_over_ci95) for r in rows],
+        "CF-SPL, paper": [spread(r.paper_cf_spl, r.paper_cf_spl_std) for r in rows],
+        "CF-SPL": [spread(r.cf_spl_mean, r.cf_spl_std) for r in rows],
+        "SR": [_percent(r.sr_mean) for r in rows],
+        "SR gain [95 %]": [change(r.sr_gain, r.sr_gain_ci95) for r in rows],
+        "touched": [_percent(r.touched_mean) for r in rows],
+        "aborted": [_percent(r.aborted_mean) for r in rows],
+        "collisions per episode": [f"{r.collisions_mean:.2f}" for r in rows],
+        "seeds": [_seeds(r) for r in rows],
+    }
+    shown = {title: cells for title, cells in columns.items() if any(cells)}
+    lines = [tuple(shown), ("---",) * len(shown), *zip(*shown.values(), strict=True)]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
 def _seeds(row: Figures) -> str:
@@ -234,7 +249,7 @@ def _signed(value: float | None) -> str:
     return "" if value is None else f"{100 * value:+.1f}"
 
 
-def spread(mean: float, std: float | None) -> str:
+def spread(mean: float | None, std: float | None) -> str:
     """A share as percent, with its standard deviation over seeds unless there is only one."""
     return _percent(mean) + ("" if std is None else f" ± {100 * std:.1f}")
 

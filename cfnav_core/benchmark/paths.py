@@ -10,8 +10,11 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
 from cfnav_core.actions import Action
 from cfnav_core.benchmark.tested import Tested
@@ -23,7 +26,9 @@ from cfnav_core.whole import whole, writing
 CELL_M = 0.25
 
 FLOOR, SEEN_FROM = "0.92", "#cfe8f7"
-WAY, REACHED, MISSED, TOUCHED = "#0072b2", "#009e73", "0.3", "#d55e00"
+REACHED, MISSED, TOUCHED = "#009e73", "0.3", "#d55e00"
+EARLY, WAY = "#7fb8d9", "#003a5c"
+"""The path where it begins and ends."""
 
 
 def _mark(marker: str, colour: str, label: str, size: float = 5) -> Line2D:
@@ -33,7 +38,8 @@ def _mark(marker: str, colour: str, label: str, size: float = 5) -> Line2D:
 LEGEND = (
     _mark("s", FLOOR, "where the robot can stand", 9),
     _mark("s", SEEN_FROM, "where it can see the goal", 9),
-    _mark("o", WAY, "start"),
+    Line2D([], [], color=WAY, label="path, light to dark in time"),
+    _mark("o", EARLY, "start"),
     _mark("s", REACHED, "end: the goal was reached"),
     _mark("s", MISSED, "end: it was missed"),
     Line2D([], [], ls="", marker="o", ms=9, mfc="none", mec=TOUCHED, label="collisions, how many"),
@@ -176,10 +182,13 @@ def _draw(ax: Axes, pair: Pair, way: Way) -> None:
     for cells, colour in ((pair.cells, FLOOR), (pair.seen_from, SEEN_FROM)):
         for x, y in cells:
             corner = (x - CELL_M / 2, y - CELL_M / 2)
-            ax.add_patch(mpl.patches.Rectangle(corner, CELL_M, CELL_M, color=colour, lw=0))
-    ax.plot(*way.at.T, color=WAY, lw=1.2)
+            cell = Rectangle(corner, CELL_M, CELL_M, color=colour, lw=0, antialiased=False)
+            ax.add_patch(cell)
+    time = LinearSegmentedColormap.from_list("time", [EARLY, WAY])
+    steps = list(np.stack([way.at[:-1], way.at[1:]], axis=1))
+    ax.add_collection(LineCollection(steps, array=np.arange(len(steps)), cmap=time, linewidths=1.8))
     (x0, y0), (x1, y1) = way.at[0], way.at[-1]
-    ax.scatter(x0, y0, color=WAY, s=25, zorder=3)
+    ax.scatter(x0, y0, color=EARLY, s=25, zorder=3)
     ax.scatter(x1, y1, color=REACHED if way.success else MISSED, marker="s", s=25, zorder=3)
     for (x, y), count in way.repeated().items():
         ax.scatter(x, y, s=90, facecolors="none", edgecolors=TOUCHED, linewidths=1.5, zorder=4)
@@ -190,6 +199,11 @@ def _draw(ax: Axes, pair: Pair, way: Way) -> None:
                 (6, 6),
                 textcoords="offset points",
                 color=TOUCHED,
+                zorder=5,
+                bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.5},
             )
+    left, below = pair.cells.min(0) - CELL_M
+    ax.plot([left, left + 1], [below - CELL_M, below - CELL_M], color="black", lw=2)
+    ax.text(left + 0.5, below - 1.5 * CELL_M, "1 m", ha="center", va="top")
     ax.set_aspect("equal")
     ax.set_axis_off()

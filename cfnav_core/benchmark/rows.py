@@ -72,8 +72,11 @@ class Row:
 
     @property
     def itself(self) -> Row | None:
-        """The same policies with their own p_hat and without a veto, None for such rows."""
-        if self.p_hat == "own" and not self.veto:
+        """The same policies with their own p_hat and without a veto.
+
+        None for such rows, and for plain, which has no p_hat.
+        """
+        if self.method == "plain" or (self.p_hat == "own" and not self.veto):
             return None
         return replace(self, p_hat="own", veto=False)
 
@@ -83,6 +86,16 @@ class Row:
         if self.against is None:
             return None
         return replace(self, method=self.against, p_hat="own", veto=False, against=None)
+
+    @property
+    def rival(self) -> Row | None:
+        """The paper's method, trained as long and acting alike, without a LiDAR.
+
+        None for it, for plain, whose difference is the gain, and where p_hat is another.
+        """
+        if self.method == "ours" or self.against is None or self.p_hat != "own":
+            return None
+        return replace(self, method="ours", veto=False)
 
 
 PAIRS: tuple[tuple[ModelName, Split, Published, Published], ...] = (

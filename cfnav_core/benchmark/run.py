@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cfnav_core.benchmark.command import Benchmark
-from cfnav_core.benchmark.curves import Curve, draw_curves, gaps_as_markdown
+from cfnav_core.benchmark.curves import Learned, draw_curves, gaps_as_markdown
 from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places, jobs_of
 from cfnav_core.benchmark.pages import Figures, write_tables
@@ -133,7 +133,7 @@ def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
     """Every test that the rows need, each once."""
     wanted: dict[Task, None] = {}
     for row in rows:
-        for of in filter(None, (row, row.reference, row.itself)):
+        for of in filter(None, (row, row.reference, row.itself, row.rival)):
             for seed in range(bench.seeds):
                 wanted[Task(bench.job(of, seed), bench.places, bench.test(of))] = None
     return list(wanted)
@@ -147,16 +147,16 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     model, split = STUDIED
     drawn: dict[str, list[Row]] = {}
     for row in rows:
-        if row.table in CURVES and not (row.itself or row.sample):
+        if row.table in CURVES and row.p_hat == "own" and not (row.veto or row.sample):
             name = row.table if row.table in PAPER else f"{row.table}_{row.model}"
             drawn.setdefault(name, []).append(row)
     for name, of in drawn.items():
         curves = [
-            (row.name, [Curve.read(job, bench.places) for job in jobs],
-             jobs[0].config.hyperparameters.stage1_episodes)
+            Learned.read(
+                row.name, [bench.job(row, seed) for seed in range(bench.seeds)], bench.places
+            )
             for row in of
-            for jobs in [[bench.job(row, seed) for seed in range(bench.seeds)]]
-        ]  # fmt: skip
+        ]
         draw_curves(curves, results / f"curves_{name}.png")
         write_file(results / f"curves_{name}.md", gaps_as_markdown(curves))
     studied = [row for row in rows if (row.model, row.split) == (model, split)]

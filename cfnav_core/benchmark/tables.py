@@ -101,12 +101,13 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         compared |= {"over_own": own["gain"], "over_own_ci95": own["gain_ci95"]}
     if row.reference:
         compared |= _differences(row, found, bench.tested(row.reference))
+    if row.rival:
+        ours = _differences(row, bench.tested(row.rival), found)
+        compared |= {"ours_over": ours["gain"], "ours_over_ci95": ours["gain_ci95"]}
     return Figures(
         table=row.table, row=row.name, model=row.model, method=row.method, split=row.split,
         p_hat=row.p_hat, veto=row.veto, sample=row.sample, preset=bench.preset,
-        paper_cf_sr=round(row.paper.cf_sr[0] / 100, 3) if row.paper else None,
-        paper_cf_spl=round(row.paper.cf_spl[0] / 100, 3) if row.paper else None,
-        paper_gain=_paper_gain(row, rows),
+        **_published(row), paper_gain=_paper_gain(row, rows),
         **_measured(found), **compared,
         command=bench.command, config_hash=bench.job(row, 0).hash,
     )  # fmt: skip
@@ -141,6 +142,7 @@ def _measured(found: Sequence[Tested]) -> dict[str, Any]:
         "cf_spl_mean": cf_spl[0], "cf_spl_std": _number(cf_spl[1]),
         "sr_mean": float(np.mean([t.success for t in found])),
         **_long(found),
+        "touched_mean": float(np.mean([t.collisions > 0 for t in found])),
         "collisions_mean": float(np.mean([t.collisions for t in found])),
         "seeds": len(found), "episodes": len(found[0].success),
         "commit": _all({t.commit for t in found}), "tested_at": _all({t.tested_at for t in found}),
@@ -183,6 +185,18 @@ def _differences(row: Row, found: Sequence[Tested], plain: Sequence[Tested]) -> 
         "sr_gain": float(sr.mean()), "sr_gain_ci95": interval(sr, rooms),
         **of_long,
     }  # fmt: skip
+
+
+def _published(row: Row) -> dict[str, Any]:
+    """What the paper says, shares of 1."""
+    if row.paper is None:
+        return {}
+    named = {"paper_cf_sr": row.paper.cf_sr, "paper_cf_spl": row.paper.cf_spl}
+    return {
+        f"{name}{of}": round(value / 100, 3)
+        for name, values in named.items()
+        for of, value in zip(("", "_std"), values, strict=True)
+    }
 
 
 def _paper_gain(row: Row, rows: Sequence[Row]) -> float | None:

@@ -232,8 +232,8 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
         )
     results = config.results or config.out
     write_tables([_figures(config, way, driven) for way in ways], results)
-    # the first goal in the first room, the second in the second, the third in the third
-    first = {way.name: driven[way][0][: 3 * len(GOALS) : 4] for way in PAPERS}
+    # of the last seed; the first goal in the first room, the second in the second, and so on
+    first = {way.name: driven[way][-1][: 3 * len(GOALS) : 4] for way in PAPERS}
     picture = draw_table_iv(first, config.out / "maps", PLACES)
     write_file(results / f"table_IV_{config.trials}{_trained(config)}.png", picture)
 
@@ -242,12 +242,18 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     """A row of the table.
 
     Gains are over the plain model, "over own p_hat" over the same bundles with the RGB predictor,
-    both under the same visual shift, with actions chosen alike and without a veto.
+    and "ours minus it" is of ours with the LiDAR; all under the same visual shift, with actions
+    chosen alike and without a veto.
     """
     rows = driven[way]
+    collisions, outcomes = (
+        np.array([[row[name] for row in of_seed] for of_seed in rows])
+        for name in ("collisions", "outcome")
+    )
     free = {(w.method, w.p_hat, w.visual_shift, w.sample): w for w in driven if not w.veto}
     plain = free["plain", "lidar", way.visual_shift, way.sample]
     own = free.get((way.method, "own", way.visual_shift, way.sample))
+    ours = free["ours", "lidar", way.visual_shift, way.sample]
     cf_success, success = (_rates(rows, name) for name in ("cf_success", "success"))
     cf_spl = np.array([[_cf_efficiency(row) for row in of_seed] for of_seed in rows])
     compared: dict[str, Any] = {}
@@ -258,6 +264,8 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         compared["gain_by_seed"] = tuple(by_seed.round(4).tolist())
     if own and way is not own:
         compared |= _difference("over_own", driven, way, own, "cf_success")
+    if way.method != "ours" and way is not plain:
+        compared |= _difference("ours_over", driven, ours, way, "cf_success")
     runs = [of_seed[0]["run"] for of_seed in rows]
     cf_sr, spl = over_seeds(cf_success), over_seeds(cf_spl)
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
@@ -270,7 +278,9 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
         cf_sr_mean=cf_sr[0], cf_sr_std=None if config.seeds < 2 else cf_sr[1],
         cf_spl_mean=spl[0], cf_spl_std=None if config.seeds < 2 else spl[1],
         sr_mean=float(success.mean()),
-        collisions_mean=float(_rates(rows, "collisions").mean()),
+        collisions_mean=float(collisions.mean()),
+        touched_mean=float((collisions > 0).mean()),
+        aborted_mean=float((outcomes == "aborted").mean()),
         seeds=config.seeds, episodes=len(rows[0]), **compared,
         command=shlex.join(["python", "-m", "cfnav_ros.trials", *sys.argv[1:]]),
         config_hash=runs[0]["config_hash"],

@@ -12,11 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from matplotlib.ticker import MultipleLocator, NullFormatter
 
+from cfnav_core.visibility import VISIBLE_DISTANCE_M
 from cfnav_ros.bags.contacts import Contact
 from cfnav_ros.bags.events import OccupancyMap
 from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, PURPLE, png
 from cfnav_ros.trajectory_plot import HULL_RADIUS_M, draw_contact, draw_path, draw_room, merged
+
+END_M = 0.12
+"""Radius of the mark of the end, within that of the start where the robot never left it."""
 
 Places = Mapping[str, Sequence[tuple[float, float]]]
 """By goal: x and y of each, metres."""
@@ -29,9 +34,11 @@ def _disc(fill: str, edge: str, label: str) -> Line2D:
 LEGEND = (
     _disc("none", LIGHT.ink, "start"),
     Line2D([], [], ls="", marker="*", ms=9, color=PURPLE, label="the goal"),
-    _disc(GREEN, GREEN, "end: the goal was reached"),
+    _disc(GREEN, GREEN, f"end: the goal in view within {VISIBLE_DISTANCE_M:g} m"),
     _disc(ORANGE, ORANGE, "end: it was missed"),
-    _disc(LIGHT.red, LIGHT.red, "collisions at one place"),
+    _disc(LIGHT.red, LIGHT.red, "collisions at one place, how many"),
+    Line2D([], [], color=LIGHT.late, lw=3, label="path, light to dark in time"),
+    Line2D([], [], ls="", marker="|", color="black", label="ticks: 1 m apart"),
 )
 
 
@@ -54,7 +61,7 @@ def draw_table_iv(
                 room = trial["room"]
                 _draw(ax, trial, maps / f"{room.replace(':', '_')}.npz", places[room])
             axes[0].set_ylabel(name, fontsize=10)
-        figure.legend(handles=LEGEND, loc="outside lower center", ncols=len(LEGEND), frameon=False)
+        figure.legend(handles=LEGEND, loc="outside lower center", ncols=4, frameon=False)
         return png(figure)
 
 
@@ -68,9 +75,9 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path, places: Places) -> None:
     track = np.array(trial["track"])
     draw_path(ax, track, LIGHT)
     (x0, y0, _), (x1, y1, _) = track[0], track[-1]
-    ax.add_patch(Circle((x0, y0), HULL_RADIUS_M, fill=False, color=LIGHT.ink, lw=1.5, zorder=4))
+    ax.add_patch(Circle((x0, y0), HULL_RADIUS_M, fill=False, color=LIGHT.ink, lw=1.5, zorder=5))
     colour = GREEN if trial["success"] else ORANGE
-    ax.add_patch(Circle((x1, y1), HULL_RADIUS_M, color=colour, zorder=4))
+    ax.add_patch(Circle((x1, y1), END_M, color=colour, zorder=4))
     new = np.diff(track[:, 2], prepend=0)
     hits = [Contact(0, x, y, count=int(n)) for (x, y, _), n in zip(track, new, strict=True) if n]
     for contact in merged(hits):
@@ -78,5 +85,6 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path, places: Places) -> None:
     ended = "reached" if trial["success"] else "missed"
     what = f"{ended}, collisions: {trial['collisions']}"
     ax.set_title(f"{trial['goal']} in {trial['room']}\n{what}")
-    ax.set_xticks([])
-    ax.set_yticks([])
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MultipleLocator(1.0))
+        axis.set_major_formatter(NullFormatter())

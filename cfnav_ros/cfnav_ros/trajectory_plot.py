@@ -194,19 +194,17 @@ def _draw_ends(axes: Axes, poses: np.ndarray, success: bool, theme: Theme) -> No
 
 
 def draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
-    """Mark collisions at one place with a red circle that holds their count."""
-    axes.add_patch(
-        Circle((contact.x, contact.y), 0.13, facecolor=theme.red, edgecolor="white", lw=1, zorder=6)
-    )
+    """Mark collisions at one place with a red circle around their count."""
     axes.text(
         contact.x,
-        contact.y - 0.01,
+        contact.y,
         str(contact.count),
         color="white" if theme is LIGHT else "black",
         ha="center",
         va="center",
         weight="bold",
         zorder=7,
+        bbox={"boxstyle": "circle,pad=0.15", "fc": theme.red, "ec": "white", "lw": 1},
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfnav_core.benchmark.curves import Curve, gaps_as_markdown
+from cfnav_core.benchmark.curves import Curve, Learned, gaps_as_markdown
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.run_files import LOG
 
@@ -19,18 +19,16 @@ def write_log(job: Job, places: Places, lines: list[tuple[int, float]]) -> None:
     path.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
 
-def test_a_shared_stage_one_ends_with_the_round_that_passed_its_last_episode(
-    tmp_path: Path,
-) -> None:
+def test_a_shared_stage_one_ends_before_the_validation_that_feeds_p_hat(tmp_path: Path) -> None:
     ours, places = Job("lstde", "ours", "data1", 0, "small", "eyes"), Places(tmp_path, tmp_path)
     plain = Job("lstde", "plain", "data1", 0, "small", "eyes")
     end = ours.config.hyperparameters.stage1_episodes
     write_log(ours, places, [(end - 5000, 0.1), (end + 12, 0.2), (end + 5000, 0.9)])
     write_log(plain, places, [(end + 5012, 0.3), (end + 10_000, 0.4)])
     curve = Curve.read(plain, places)
-    assert curve.episodes.tolist() == [end - 5000, end + 12, end + 5012, end + 10_000]
-    assert curve.values["cf_sr"].tolist() == [0.1, 0.2, 0.3, 0.4]
-    assert curve.values["validation_cf_sr"].tolist() == [0.05, 0.1, 0.15, 0.2]
+    assert curve.episodes.tolist() == [end - 5000, end + 5012, end + 10_000]
+    assert curve.values["cf_sr"].tolist() == [0.1, 0.3, 0.4]
+    assert curve.values["validation_cf_sr"].tolist() == [0.05, 0.15, 0.2]
     assert Curve.read(ours, places).episodes.tolist() == [end - 5000, end + 12, end + 5000]
 
 
@@ -39,9 +37,21 @@ def test_the_gap_is_that_of_the_ends_of_the_curves() -> None:
         values = {"cf_sr": np.array(known), "validation_cf_sr": np.array(unseen)}
         return Curve(np.arange(len(known)), values)
 
-    a = curve([0.0, *[0.6] * 5], [1.0, *[0.4] * 5])
-    b = curve([0.0, *[0.8] * 5], [1.0, *[0.4] * 5])
-    assert gaps_as_markdown([("CP Only", [a, b], 1), ("ours", [a], 1)]).splitlines()[2:] == [
+    a = curve([0.0, 0.6, 0.6], [1.0, 0.4, 0.4])
+    b = curve([0.0, 0.8, 0.8], [1.0, 0.4, 0.4])
+    assert gaps_as_markdown([Learned("CP Only", [a, b]), Learned("ours", [a])]).splitlines()[
+        2:
+    ] == [
         "| CP Only | 70.0 ± 14.1 | 40.0 ± 0.0 | 30.0 ± 14.1 |",
         "| ours | 60.0 | 40.0 | 20.0 |",
     ]
+
+
+def test_stage_two_begins_only_where_it_differs(tmp_path: Path) -> None:
+    ours, places = Job("lstde", "ours", "data1", 0, "small", "eyes"), Places(tmp_path, tmp_path)
+    reward = Job("lstde", "reward", "data1", 0, "small", "eyes")
+    for job in (ours, reward):
+        write_log(job, places, [(5000, 0.1)])
+    end = ours.config.hyperparameters.stage1_episodes
+    assert Learned.read("ours", [ours], places).stage2_from == end
+    assert Learned.read("Reward", [reward], places).stage2_from is None

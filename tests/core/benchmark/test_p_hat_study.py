@@ -70,7 +70,7 @@ def test_it_asks_the_same_of_longer_training(study: Study) -> None:
     assert found["schedule"] == "tenfold"
     assert len(found["rows"]) == 1 + 3 * 6
     (best,) = study.grid.glob("p_hat/*_tenfold_*/best.safetensors")
-    (other,) = study.grid.glob("p_hat/*_ours_seed0_listening/best.safetensors")
+    (other,) = study.grid.glob("p_hat/*_ours_seed0_listening_*/best.safetensors")
     long, short = (load_tensors(path)[1]["config"] for path in (best, other))
     assert long["listening"]
     episodes = [run["hyperparameters"]["stage2_episodes"] for run in (short, long)]
