@@ -204,7 +204,7 @@ def draw_contact(axes: Axes, contact: Contact, theme: Theme) -> None:
         va="center",
         weight="bold",
         zorder=7,
-        bbox={"boxstyle": "circle,pad=0.15", "fc": theme.red, "ec": "white", "lw": 1},
+        bbox={"boxstyle": "circle,pad=0.4", "fc": theme.red, "ec": "white", "lw": 1},
     )
 
 
