@@ -22,13 +22,15 @@ from pathlib import Path
 import numpy as np
 import torch
 import tyro
+from tqdm import tqdm
 
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import change, spread
 from cfnav_core.benchmark.presets import PresetName
 from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split
-from cfnav_core.benchmark.stamps import Made
+from cfnav_core.benchmark.stamps import Made, identity_of
 from cfnav_core.benchmark.statistics import interval, over_seeds
+from cfnav_core.benchmark.tested import Tested, save
 from cfnav_core.benchmark.work import DONE
 from cfnav_core.config import MethodName, ModelName, PHat, RunConfig, TrainOptions
 from cfnav_core.evaluate import evaluate
@@ -212,13 +214,17 @@ def _lines(
     ]
     asked = [(runs[variant, n].out / BEST, p_hat) for variant, p_hat in tests
              for n in range(study.seeds)]  # fmt: skip
-    tested = list(pool.map(partial(_tested, study, split), *zip(*asked, strict=True)))
-    rates, (rooms, *_), commits = zip(*tested, strict=True)
+    test = partial(_tested, study, split, identity_of(study.scenes, f"{split}:validation"))
+    tested = [
+        Tested.load(path)
+        for path in tqdm(pool.map(test, *zip(*asked, strict=True)), NAMES[model], len(asked))
+    ]
+    rates, rooms = [of.cf_success for of in tested], tested[0].rooms
     by_test = dict(zip(tests, np.reshape(rates, (len(tests), study.seeds, -1)), strict=True))
     lines = []
     for n, ((variant, p_hat), rate) in enumerate(by_test.items()):
         mean, std = over_seeds(rate)
-        trained_at = set(commits[n * study.seeds : (n + 1) * study.seeds])
+        trained_at = {of.commit for of in tested[n * study.seeds : (n + 1) * study.seeds]}
         plain = None if variant is PLAIN else rate - by_test[PLAIN, "own"]
         scalar = None if variant in (PLAIN, SCALAR) else rate - by_test[SCALAR, p_hat]
         lines.append(Line(
@@ -229,16 +235,18 @@ def _lines(
     return lines
 
 
-def _tested(
-    study: Study, split: Split, best: Path, p_hat: PHat
-) -> tuple[np.ndarray, np.ndarray, str]:
-    """CF success of each episode, float64 [N], its room, and the commit that trained."""
-    found = evaluate(
-        best, study.scenes, study.episodes, EPISODES_SEED, p_hat=p_hat,
-        rooms=(f"{split}:validation",),
-    )  # fmt: skip
-    rates = np.array([float(r.cf_success) for r in found.results])
-    return rates, found.rooms, found.what["commit"]
+def _tested(study: Study, split: Split, made_of: str, best: Path, p_hat: PHat) -> Path:
+    """The file of a run's results, tested if it is not there."""
+    name = f"{best.parent.name}_{study.episodes}_{p_hat}_{made_of}.npz"
+    path = study.grid / "p_hat" / "tests" / name
+    if not path.exists():
+        found = evaluate(
+            best, study.scenes, study.episodes, EPISODES_SEED, p_hat=p_hat,
+            rooms=(f"{split}:validation",),
+        )  # fmt: skip
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save(replace(found, trace=[]), path)
+    return path
 
 
 def _compared(

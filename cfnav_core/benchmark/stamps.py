@@ -106,6 +106,21 @@ class Made:
             ) from error
 
 
+def identity_of(scenes: Path, rooms: str) -> str:
+    """Eight hex digits of rooms and of what the LiDAR says there.
+
+    Args:
+        scenes: folder of the rooms.
+        rooms: as "data1:validation".
+
+    Raises:
+        SceneError: a room is not there, or what the LiDAR says in it.
+    """
+    found = parse_rooms([rooms])
+    lidar_of(scenes, [f"{kind}:{seed}" for kind, seed in found])
+    return _short(*(_digest(scenes, found, content) for content in (_scene, _lidar)))
+
+
 def _short(*parts: str) -> str:
     return hashlib.sha256("".join(parts).encode()).hexdigest()[:8]
 

@@ -29,6 +29,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     )  # fmt: skip
 
 
+def read_page(study: Study) -> str:
+    return (study.results / "p_hat.md").read_text()
+
+
 def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
     before = {path: path.stat().st_mtime_ns for path in study.grid.glob("runs/*/*")}
     run(study)
@@ -52,10 +56,14 @@ def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
 
 def test_it_goes_on_without_training_again(study: Study) -> None:
     (best,) = study.grid.glob("p_hat/*/best.safetensors")
-    before, page = best.stat().st_mtime_ns, (study.results / "p_hat.md").read_text()
+    tests = sorted(study.grid.glob("p_hat/tests/*.npz"))
+    assert len(tests) == 1 + 3 * 6
+    tests[0].unlink()
+    before, page = [p.stat().st_mtime_ns for p in (best, *tests[1:])], read_page(study)
     run(study)
-    assert best.stat().st_mtime_ns == before
-    assert (study.results / "p_hat.md").read_text() == page
+    assert [p.stat().st_mtime_ns for p in (best, *tests[1:])] == before
+    assert tests[0].exists()
+    assert read_page(study) == page
 
 
 def test_it_asks_the_same_of_longer_training(study: Study) -> None:
