@@ -168,3 +168,18 @@ def test_a_bundle_names_the_run_that_it_came_from() -> None:
     assert Job.of(training | {"config": asdict(other)}) is None
     assert Job.of(training | {"train_rooms": ["kitchen:0-15"]}) is None
     assert Job.of({}) is None
+
+
+def test_ours_is_compared_with_other_methods_trained_and_acting_alike() -> None:
+    by_name = {row.name: row for row in ROWS if row.table == "tenfold" and row.model == "tdanet"}
+    ours, plain = by_name["ours (TDANet)"], by_name["TDANet"]
+    assert ours.rival is None
+    assert plain.rival is None
+    for name in ("Stage Only (TDANet)", "TDANet, LiDAR veto", "Truth (TDANet), actions drawn"):
+        rival = by_name[name].rival
+        assert rival is not None
+        assert (rival.method, rival.p_hat, rival.veto) == ("ours", "own", False)
+        assert (rival.schedule, rival.sample) == ("tenfold", by_name[name].sample)
+    assert by_name["Truth (TDANet), LiDAR for p_hat"].rival is None
+    assert by_name["TDANet, LiDAR veto"].itself is None
+    assert by_name["ours (TDANet), LiDAR veto"].itself is not None
