@@ -22,6 +22,7 @@ benchmark() {
 benchmark I II III own --seeds "$seeds"
 benchmark tenfold --model tdanet --seeds "$seeds"
 benchmark tenfold --model lstde --seeds 1
+benchmark listening --seeds "$seeds"
 
 bundle() { # METHOD, or METHOD_tenfold; SEED
   local folder weights

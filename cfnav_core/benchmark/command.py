@@ -14,7 +14,7 @@ import tyro
 
 from cfnav_core.benchmark.presets import PresetName
 
-TableName = Literal["I", "II", "III", "own", "tenfold"]
+TableName = Literal["I", "II", "III", "own", "tenfold", "listening"]
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Benchmark:
     """
 
     tables: Annotated[tuple[TableName, ...], tyro.conf.Positional] = ("I", "II", "III", "own")
-    """Tables of the paper, rows of our own, and what ten times as many episodes make of TDANet
-    and L-sTDE."""
+    """Tables of the paper, rows of our own, what ten times as many episodes make of TDANet and
+    L-sTDE, and what a p_hat that has a straight way to the choice makes of TDANet."""
     scenes: Path = Path("out/rooms")
     """All built-in rooms (python -m sim_bridge.dataset --out out/rooms)."""
     out: Path = Path("out/grid")

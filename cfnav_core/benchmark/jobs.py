@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from cfnav_core.benchmark.presets import PRESETS, PresetName
-from cfnav_core.benchmark.rows import Row, Schedule, Split
-from cfnav_core.config import MethodName, ModelName, RunConfig, TrainOptions
+from cfnav_core.benchmark.rows import Row, Schedule, Split, Variant
+from cfnav_core.config import PUBLISHED, MethodName, ModelName, RunConfig, TrainOptions
 from cfnav_core.methods import METHODS
 from cfnav_core.rooms import SPLITS
 from cfnav_core.run_files import STAGE1
@@ -46,6 +46,7 @@ class Job:
     Attributes:
         perception: identity of what made the scenes' features.
         schedule: see ``Schedule``.
+        variant: see ``Variant``.
     """
 
     model: ModelName
@@ -55,11 +56,19 @@ class Job:
     preset: PresetName
     perception: str
     schedule: Schedule = "usual"
+    variant: Variant = ""
 
     @property
     def config(self) -> RunConfig:
         """What is trained."""
-        return PRESETS[self.preset].run(self.model, self.method, self.seed, self.schedule)
+        run = PRESETS[self.preset].run(self.model, self.method, self.seed, self.schedule)
+        match self.variant:
+            case "listening":
+                return replace(run, listening=True)
+            case "dropout":
+                return replace(run, size=replace(run.size, dropout=PUBLISHED.dropout))
+            case _:
+                return run
 
     @property
     def validations(self) -> int:
@@ -85,8 +94,9 @@ class Job:
     @property
     def title(self) -> str:
         """In words, for people."""
-        schedule = "" if self.schedule == "usual" else f" {self.schedule}"
-        return f"{self.split} {self.model} {self.method}{schedule} seed{self.seed}"
+        schedule = "" if self.schedule == "usual" else self.schedule
+        words = (self.split, self.model, self.method, self.variant, schedule, f"seed{self.seed}")
+        return " ".join(filter(None, words))
 
     @property
     def stage1(self) -> Job | None:
@@ -102,7 +112,9 @@ class Job:
     @classmethod
     def of_row(cls, row: Row, seed: int, preset: PresetName, perception: str) -> Job:
         """A run of a row."""
-        ordinary = cls(row.model, row.method, row.split, seed, preset, perception)
+        ordinary = cls(
+            row.model, row.method, row.split, seed, preset, perception, variant=row.variant
+        )
         asked = replace(ordinary, schedule=row.schedule)
         return asked if asked.config != ordinary.config else ordinary
 
@@ -120,10 +132,11 @@ class Job:
             return None
         if split not in SPLITS or train != "train":
             return None
-        for preset, schedule in product(get_args(PresetName), get_args(Schedule)):
+        kinds = product(get_args(PresetName), get_args(Schedule), get_args(Variant))
+        for preset, schedule, variant in kinds:
             job = cls(
                 config.model, config.method, split, config.seed, preset, training["perception"],
-                schedule,
+                schedule, variant,
             )  # fmt: skip
             if config.model in PRESETS[preset].runs and job.config == config:
                 return job

@@ -1,8 +1,8 @@
 """How p_hat should enter: ``python -m cfnav_core.benchmark.p_hat_study``, in validation rooms.
 
 The paper feeds one number and does not say where. Here the methods of a grid stand beside variants
-of ours that it lacks, each given other probabilities. It chose nothing: no test room is looked at,
-and no table of the paper has these variants.
+of ours, each given other probabilities. No test room is looked at, and nothing is chosen for the
+tables of the paper: what does better has a table of its own, "listening".
 """
 
 from __future__ import annotations
@@ -24,61 +24,44 @@ import torch
 import tyro
 from tqdm import tqdm
 
+from cfnav_core.benchmark.grid import GridError, Local, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import change, spread
 from cfnav_core.benchmark.presets import PresetName
-from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split
-from cfnav_core.benchmark.stamps import Made, identity_of
+from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split, Variant
+from cfnav_core.benchmark.stamps import Made, identity_of_rooms
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.tested import Tested, save
-from cfnav_core.benchmark.work import DONE
-from cfnav_core.config import MethodName, ModelName, PHat, RunConfig, TrainOptions
+from cfnav_core.benchmark.work import Task
+from cfnav_core.config import PUBLISHED, MethodName, ModelName, PHat, TrainOptions
 from cfnav_core.evaluate import evaluate
-from cfnav_core.json_file import write_json
 from cfnav_core.run_files import BEST
-from cfnav_core.source import commit
-from cfnav_core.train import train
 from cfnav_core.whole import write_file
-
-DROPOUT = 0.25
-"""Of the published networks; the small ones have none."""
 
 EPISODES_SEED = 2
 """Of the episodes here; others chose the checkpoints."""
 
 
 @dataclass(frozen=True)
-class Variant:
+class Way:
     """A way for p_hat to enter.
 
     Attributes:
-        name: in words. method: of training.
-        listening: see ``RunConfig``. dropout: of picture features; the model must read such.
+        name: in words. method: of training. variant: of it.
     """
 
     name: str
     method: MethodName
-    listening: bool = False
-    dropout: float = 0.0
-
-    @property
-    def new(self) -> bool:
-        """Whether no grid has trained it."""
-        return self.listening or self.dropout > 0
-
-    def config(self, run: RunConfig) -> RunConfig:
-        """A grid's run as this variant."""
-        size = replace(run.size, dropout=self.dropout)
-        return replace(run, listening=self.listening, size=size)
+    variant: Variant = ""
 
 
-PLAIN = Variant("plain", "plain")
-SCALAR = Variant("ours: one number of the LSTM's input", "ours")
-LOGITS = Variant("ours, also added to the action logits", "ours", listening=True)
-TOLD = Variant("told the true flag in training", "truth")
-DROPPED = Variant(f"ours, dropout {DROPOUT} on picture features", "ours", dropout=DROPOUT)
+PLAIN = Way("plain", "plain")
+SCALAR = Way("ours: one number of the LSTM's input", "ours")
+LOGITS = Way("ours, also added to the action logits", "ours", "listening")
+TOLD = Way("told the true flag in training", "truth")
+DROPPED = Way(f"ours, dropout {PUBLISHED.dropout} on picture features", "ours", "dropout")
 
-STUDIES: dict[tuple[ModelName, Split], tuple[Variant, ...]] = {
+STUDIES: dict[tuple[ModelName, Split], tuple[Way, ...]] = {
     DRIVEN: (PLAIN, SCALAR, LOGITS, TOLD),
     STUDIED: (PLAIN, SCALAR, LOGITS, DROPPED, TOLD),
 }
@@ -94,11 +77,13 @@ class Study:
     scenes: Path = Path("out/paper/rooms")
     """All built-in rooms, the validation rooms with scans and LiDAR states."""
     grid: Path = Path("out/paper/grid")
-    """Folder of a grid (cfnav benchmark); new runs lie in its folder p_hat."""
+    """Folder of a grid (cfnav benchmark), which gets the runs that it lacks."""
     results: Path = Path("out/paper/results")
     """Folder that gets p_hat.md and p_hat.json."""
-    seeds: int = 3
+    seeds: int = 5
     """Of each row."""
+    first_seed: int = 0
+    """The others follow it."""
     episodes: int = 2_000
     """Of each seed."""
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
@@ -139,31 +124,37 @@ def run(study: Study) -> None:
     """Train, evaluate and write.
 
     Raises:
-        ValueError: the grid has not trained what is compared.
+        ValueError: the grid has not trained what is compared, or training failed.
         SceneError: the scenes cannot be used, or lack what the LiDAR says.
     """
     studies = [of for of in STUDIES if not study.model or of[0] in study.model]
+    places = Places(study.scenes.resolve(), study.grid.resolve())
+    perception = Made.read(study.grid).perception
     runs = {
-        (of, variant, seed): _options(study, *of, variant, seed)
-        for seed in range(study.seeds)
+        (of, way, seed): Job(
+            of[0], way.method, of[1], seed, study.preset, perception, study.schedule, way.variant
+        )
+        for seed in range(study.first_seed, study.first_seed + study.seeds)
         for of in studies
-        for variant in STUDIES[of]
-    }
+        for way in STUDIES[of]
+    }  # fmt: skip
+    _train(list(runs.values()), places, study)
     with ProcessPoolExecutor(study.jobs, get_context("spawn"), torch.set_num_threads, (1,)) as pool:
-        new = [options for (_, variant, _), options in runs.items() if variant.new]
-        for best in pool.map(_trained, new):
-            print(f"trained: {best.parent.name}", flush=True)
         found = [
             line
             for of in studies
-            for line in _lines(study, of, {k[1:]: o for k, o in runs.items() if k[0] == of}, pool)
-        ]
+            for line in _lines(
+                study, of, {k[1:]: job.options(places) for k, job in runs.items() if k[0] == of},
+                pool,
+            )
+        ]  # fmt: skip
     study.results.mkdir(parents=True, exist_ok=True)
     name = "p_hat" if study.schedule == "usual" else f"p_hat_{study.schedule}"
     write_file(
         study.results / f"{name}.json",
         json.dumps({"command": shlex.join(["python", "-m", __spec__.name, *sys.argv[1:]]),
-                    "schedule": study.schedule, "seeds": study.seeds, "episodes": study.episodes,
+                    "schedule": study.schedule, "first_seed": study.first_seed,
+                    "seeds": study.seeds, "episodes": study.episodes,
                     "rows": [asdict(line) for line in found]}, indent=1) + "\n",
     )  # fmt: skip
     page = as_markdown(found)
@@ -171,50 +162,38 @@ def run(study: Study) -> None:
     print(page)
 
 
-def _options(
-    study: Study, model: ModelName, split: Split, variant: Variant, seed: int
-) -> TrainOptions:
-    """How a run is trained."""
-    places = Places(study.scenes.resolve(), study.grid.resolve())
-    perception = Made.read(study.grid).perception
-    job = Job(model, variant.method, split, seed, study.preset, perception, study.schedule)
-    options = job.options(places)
-    if not variant.new:
-        if not (options.out / DONE).exists():
+def _train(jobs: Sequence[Job], places: Places, study: Study) -> None:
+    """Train the variants that are missing, as a grid does.
+
+    Raises:
+        ValueError: what they are compared with was not trained, or training failed.
+    """
+    tasks = [Task(job, places) for job in jobs]
+    for task in tasks:
+        there = task.result.exists() and (task.folder / BEST).exists()
+        if not task.job.variant and not there:
             raise ValueError(
-                f"found no trained run {job.title} in {study.grid}; run cfnav benchmark first"
+                f"found no trained run {task.job.title} with its weights in {study.grid}; run "
+                "cfnav benchmark there first"
             )
-        return options
-    config = variant.config(options.run)
-    about = json.dumps({"beside": job.hash, "run": asdict(config)}, sort_keys=True)
-    what = "listening" if variant.listening else "dropout"
-    name = f"{job.title.replace(' ', '_')}_{what}_{sha256(about.encode()).hexdigest()[:12]}"
-    # its stage one is its own: weights and random numbers differ from the start
-    return replace(options, run=config, stage1=None, out=places.out / "p_hat" / name)
-
-
-def _trained(options: TrainOptions) -> Path:
-    """The best checkpoint of a run, trained if it is not there."""
-    best, done = options.out / BEST, options.out / DONE
-    if not done.exists():
-        train(options)
-        write_json(done, {"commit": commit()})
-    return best
+    sources = [Task(job.stage1, places) for job in jobs if job.variant and job.stage1]
+    try:
+        run_tasks([*sources, *(task for task in tasks if task.job.variant)], Local(study.jobs))
+    except GridError as error:
+        raise ValueError(str(error)) from error
 
 
 def _lines(
-    study: Study, of: tuple[ModelName, Split], runs: dict[tuple[Variant, int], TrainOptions],
+    study: Study, of: tuple[ModelName, Split], runs: dict[tuple[Way, int], TrainOptions],
     pool: ProcessPoolExecutor,
 ) -> list[Line]:  # fmt: skip
     model, split = of
     tests = [
-        (variant, p_hat)
-        for variant in STUDIES[of]
-        for p_hat in (ASKED if variant is not PLAIN else ("own",))
+        (way, p_hat) for way in STUDIES[of] for p_hat in (ASKED if way is not PLAIN else ("own",))
     ]
-    asked = [(runs[variant, n].out / BEST, p_hat) for variant, p_hat in tests
-             for n in range(study.seeds)]  # fmt: skip
-    test = partial(_tested, study, split, identity_of(study.scenes, f"{split}:validation"))
+    seeds = range(study.first_seed, study.first_seed + study.seeds)
+    asked = [(runs[way, seed].out / BEST, p_hat) for way, p_hat in tests for seed in seeds]
+    test = partial(_tested, study, split, identity_of_rooms(study.scenes, f"{split}:validation"))
     tested = [
         Tested.load(path)
         for path in tqdm(pool.map(test, *zip(*asked, strict=True)), NAMES[model], len(asked))
@@ -222,13 +201,13 @@ def _lines(
     rates, rooms = [of.cf_success for of in tested], tested[0].rooms
     by_test = dict(zip(tests, np.reshape(rates, (len(tests), study.seeds, -1)), strict=True))
     lines = []
-    for n, ((variant, p_hat), rate) in enumerate(by_test.items()):
+    for n, ((way, p_hat), rate) in enumerate(by_test.items()):
         mean, std = over_seeds(rate)
         trained_at = {of.commit for of in tested[n * study.seeds : (n + 1) * study.seeds]}
-        plain = None if variant is PLAIN else rate - by_test[PLAIN, "own"]
-        scalar = None if variant in (PLAIN, SCALAR) else rate - by_test[SCALAR, p_hat]
+        plain = None if way is PLAIN else rate - by_test[PLAIN, "own"]
+        scalar = None if way in (PLAIN, SCALAR) else rate - by_test[SCALAR, p_hat]
         lines.append(Line(
-            split, NAMES[model], variant.name, GIVEN.get(p_hat, "its own"),
+            split, NAMES[model], way.name, GIVEN.get(p_hat, "its own"),
             ", ".join(sorted(trained_at)), mean, std if study.seeds > 1 else None,
             *_compared(plain, rooms), *_compared(scalar, rooms),
         ))  # fmt: skip
@@ -237,7 +216,8 @@ def _lines(
 
 def _tested(study: Study, split: Split, made_of: str, best: Path, p_hat: PHat) -> Path:
     """The file of a run's results, tested if it is not there."""
-    name = f"{best.parent.name}_{study.episodes}_{p_hat}_{made_of}.npz"
+    weights = sha256(best.read_bytes()).hexdigest()[:8]
+    name = f"{best.parent.name}_{weights}_{study.episodes}_{p_hat}_{made_of}.npz"
     path = study.grid / "p_hat" / "tests" / name
     if not path.exists():
         found = evaluate(

@@ -12,7 +12,7 @@ from pathlib import Path
 from cfnav_core.benchmark.rows import ROWS
 from cfnav_core.whole import write_file
 
-TABLES = ("I", "II", "III", "IV", "own", "tenfold")
+TABLES = ("I", "II", "III", "IV", "own", "tenfold", "listening")
 """In this order they stand in the summary."""
 
 SUMMARY = "summary.json"
@@ -128,7 +128,7 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
         r for r in kept
         if r.table == "own" and r.p_hat in ABLATED and (r.config_hash, r.seeds, r.commit) in ours
     ]  # fmt: skip
-    if table in ("own", "tenfold") or not given:
+    if table in ("own", "tenfold", "listening") or not given:
         return page
     return f"{page}\nThe same policies, given another probability:\n\n{as_markdown(given)}"
 

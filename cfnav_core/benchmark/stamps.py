@@ -106,7 +106,7 @@ class Made:
             ) from error
 
 
-def identity_of(scenes: Path, rooms: str) -> str:
+def identity_of_rooms(scenes: Path, rooms: str) -> str:
     """Eight hex digits of rooms and of what the LiDAR says there.
 
     Args:

@@ -35,8 +35,9 @@ def test_a_run_that_rows_share_is_made_once() -> None:
     assert len({job.name for job in jobs}) == len(jobs)
     assert sum((j.model, j.method, j.schedule) == ("lstde", "plain", "usual") for j in jobs) == 5
     # 7 pairs with 2 methods; of L-sTDE 7 others and 2 longer, of TDANet Stage Only, Reward Only
-    # and Truth, of HOZ 2 with a later stage two, of TDANet 5 and of L-sTDE 7 trained tenfold
-    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2 + 5 + 7)
+    # and Truth, of HOZ 2 with a later stage two, of TDANet 5 and of L-sTDE 3 trained tenfold, and
+    # of TDANet 2 that listen
+    assert len(jobs) == 5 * (7 * 2 + 7 + 2 + 3 + 2 + 5 + 3 + 2)
 
 
 def test_rows_as_long_have_as_many_episodes_and_the_same_stage_one() -> None:
@@ -70,7 +71,7 @@ def test_a_later_stage_two_follows_a_stage_one_of_its_own() -> None:
     ("model", "methods"),
     [
         ("tdanet", {"plain", "reward_only", "stage_only", "truth", "ours"}),
-        ("lstde", {"plain", "reward", "xiao", "wu", "stage_only", "cp_only", "ours"}),
+        ("lstde", {"plain", "stage_only", "ours"}),
     ],
 )
 def test_tenfold_runs_go_on_from_the_usual_stage_one(model: str, methods: set[str]) -> None:
@@ -91,7 +92,30 @@ def test_tenfold_rows_have_the_papers_numbers_of_the_usual_ones() -> None:
     rows = [row for row in ROWS if row.table == "tenfold" and row.paper]
     usual = {(row.model, row.method): row.paper for row in ROWS if row.table in ("I", "II", "III")}
     assert {(row.model, row.method): row.paper for row in rows}.items() <= usual.items()
-    assert [row.model for row in rows] == ["tdanet"] * 2 + ["lstde"] * 7
+    assert [row.model for row in rows] == ["tdanet"] * 2 + ["lstde"] * 3
+
+
+@pytest.mark.parametrize("schedule", ["usual", "tenfold"])
+def test_variants_are_compared_with_ours_given_the_same_p_hat(schedule: str) -> None:
+    rows = [row for row in ROWS if row.table == "listening" and row.schedule == schedule]
+    assert [row.p_hat for row in rows] == ["own", "zero", "shuffled", "true", "lidar", "both"]
+    ours = Job("tdanet", "ours", "data2", 0, "small", "p", schedule)  # type: ignore[arg-type]
+    for row in rows:
+        job = Job.of_row(row, 0, "small", "p")
+        assert job == replace(ours, variant="listening")
+        assert job.config == replace(ours.config, listening=True)
+        assert row.rival is not None
+        assert Job.of_row(row.rival, 0, "small", "p") == ours
+        assert row.rival.p_hat == row.p_hat
+        assert Job.of_row(row.reference, 0, "small", "p") == replace(ours, method="plain")
+        assert (row.itself is None) is (row.p_hat == "own")
+
+
+def test_a_variant_has_a_stage_one_of_its_own() -> None:
+    listening = replace(OURS, variant="listening")
+    assert listening.stage1 is None
+    assert replace(listening, schedule="tenfold").stage1 == listening
+    assert listening.title == "data1 lstde ours listening seed0"
 
 
 def test_what_is_waited_for_comes_first() -> None:
@@ -117,8 +141,9 @@ def test_the_hash_tells_configurations_apart_and_names_do_not_change() -> None:
         replace(OURS, seed=1), replace(OURS, method="plain"), replace(OURS, model="hoz"),
         replace(OURS, split="data2"), replace(OURS, preset="full"), replace(OURS, perception="q"),
         replace(OURS, schedule="longer"), replace(OURS, schedule="tenfold"),
+        replace(OURS, variant="listening"), replace(OURS, variant="dropout"),
     ]  # fmt: skip
-    assert len({job.hash for job in (OURS, *others)}) == 9
+    assert len({job.hash for job in (OURS, *others)}) == 11
     assert OURS.hash == replace(OURS).hash
     assert OURS.name == f"data1_lstde_ours_seed0_{OURS.hash}"
 
@@ -163,9 +188,11 @@ def test_a_bundle_names_the_run_that_it_came_from() -> None:
     }  # fmt: skip
     assert Job.of(training) == job
     tenfold = replace(job, schedule="tenfold")
-    assert Job.of(training | {"config": asdict(tenfold.config)}) == tenfold
-    other = replace(job.config, predictor_hidden=99)
-    assert Job.of(training | {"config": asdict(other)}) is None
+    listening = replace(tenfold, method="ours", variant="listening")
+    for other in (tenfold, listening):
+        assert Job.of(training | {"config": asdict(other.config)}) == other
+    unknown = replace(job.config, predictor_hidden=99)
+    assert Job.of(training | {"config": asdict(unknown)}) is None
     assert Job.of(training | {"train_rooms": ["kitchen:0-15"]}) is None
     assert Job.of({}) is None
 

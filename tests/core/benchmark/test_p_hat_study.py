@@ -13,6 +13,8 @@ from cfnav_core.benchmark.run import run_benchmark
 from cfnav_core.checkpoint import load_tensors
 from tests.core.benchmark.halls import make_halls
 
+LISTENING = "runs/*_ours_listening_seed0_*/best.safetensors"
+
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
@@ -35,6 +37,7 @@ def read_page(study: Study) -> str:
 
 def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
     before = {path: path.stat().st_mtime_ns for path in study.grid.glob("runs/*/*")}
+    assert before
     run(study)
     rows = json.loads((study.results / "p_hat.json").read_text())["rows"]
     assert all(row["commit"] for row in rows)
@@ -47,15 +50,15 @@ def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
         over = None if row is scalar else row["cf_sr_mean"] - scalar["cf_sr_mean"]
         assert row["over_scalar"] == (over if over is None else pytest.approx(over))
         assert row["over_plain"] == pytest.approx(row["cf_sr_mean"] - plain["cf_sr_mean"])
-    (best,) = study.grid.glob("p_hat/*/best.safetensors")
+    (best,) = study.grid.glob(LISTENING)
     assert load_tensors(best)[1]["config"]["listening"]
-    assert {path: path.stat().st_mtime_ns for path in study.grid.glob("runs/*/*")} == before
+    assert {path: path.stat().st_mtime_ns for path in before} == before
     page = (study.results / "p_hat.md").read_text()
     assert page.count("\n") == 2 + len(rows)
 
 
 def test_it_goes_on_without_training_again(study: Study) -> None:
-    (best,) = study.grid.glob("p_hat/*/best.safetensors")
+    (best,) = study.grid.glob(LISTENING)
     tests = sorted(study.grid.glob("p_hat/tests/*.npz"))
     assert len(tests) == 1 + 3 * 6
     tests[0].unlink()
@@ -77,8 +80,8 @@ def test_it_asks_the_same_of_longer_training(study: Study) -> None:
     found = json.loads((study.results / "p_hat_tenfold.json").read_text())
     assert found["schedule"] == "tenfold"
     assert len(found["rows"]) == 1 + 3 * 6
-    (best,) = study.grid.glob("p_hat/*_tenfold_*/best.safetensors")
-    (other,) = study.grid.glob("p_hat/*_ours_seed0_listening_*/best.safetensors")
+    (best,) = study.grid.glob("runs/*_ours_listening_tenfold_seed0_*/best.safetensors")
+    (other,) = study.grid.glob(LISTENING)
     long, short = (load_tensors(path)[1]["config"] for path in (best, other))
     assert long["listening"]
     episodes = [run["hyperparameters"]["stage2_episodes"] for run in (short, long)]
@@ -86,6 +89,7 @@ def test_it_asks_the_same_of_longer_training(study: Study) -> None:
     assert (study.results / "p_hat.md").read_text() == usual
 
 
-def test_a_seed_that_no_grid_trained_is_told(study: Study) -> None:
-    with pytest.raises(ValueError, match="found no trained run data2 tdanet plain seed1 in"):
-        run(replace(study, seeds=2))
+@pytest.mark.parametrize("seeds", [{"seeds": 2}, {"first_seed": 1}])
+def test_a_seed_that_no_grid_trained_is_told(study: Study, seeds: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match="found no trained run data2 tdanet plain seed1 with"):
+        run(replace(study, **seeds))
