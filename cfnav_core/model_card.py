@@ -13,6 +13,8 @@ _TABLE = (
     "|---|---|---|---|---|---|",
 )
 
+_LISTENING = " The collision probability is also added to its action logits, not in the paper."
+
 
 def model_card(head: BundleHead) -> str:
     """Markdown for ``MODEL_CARD.md``."""
@@ -24,7 +26,10 @@ def model_card(head: BundleHead) -> str:
         "",
         f"An object-goal navigation policy (model `{title}`, method "
         f"`{head.method}`) for a robot with one RGB camera at 1.3 m, 90 degrees, that tilts 30 "
-        "degrees down. Goals: " + ", ".join(head.goals) + ".",
+        "degrees down. Goals: "
+        + ", ".join(head.goals)
+        + "."
+        + (_LISTENING if t["config"].get("listening") else ""),
         *_other_goals(head),
         "",
         "## How it was made",

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Makes the shipped bundle of each published model, after scripts/reproduce.sh.
 #   OUT=out/paper RESULTS=docs/results scripts/ship_bundles.sh
-# Of ours of each model the run that was best in validation rooms is shipped. Its figures are those
-# of the frozen test episodes, beside plain of the same seed and schedule.
+# Of ours of each model, its variants too, the run that was best in validation rooms is shipped, of
+# those whose weights are here. Its figures are those of the frozen test episodes, beside plain of
+# the same seed and schedule.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -12,16 +13,18 @@ perception=cfnav_core/bundles/default/perception.onnx
 
 # model, split, folder and validation CF-SR of each run of ours, whatever its schedule
 runs() {
-  python - "$results/runs.csv" <<'EOF'
-import csv, sys
+  python - "$results/runs.csv" "$out/grid/runs" <<'EOF'
+import csv, pathlib, sys
 for row in csv.DictReader(open(sys.argv[1])):
-    if row["method"] == "ours":
+    weights = pathlib.Path(sys.argv[2], row["run"], "best.safetensors")
+    if row["method"] == "ours" and weights.exists():
         print(row["model"], row["split"], row["run"], row["validation_cf_sr"])
 EOF
 }
 
 runs | sort -k1,1 -k4,4gr -k3,3 | sort -u -s -k1,1 | while read -r model split run _; do
-  plain=${run/_ours_/_plain_}
+  plain=${run/_ours_listening_/_ours_}
+  plain=${plain/_ours_/_plain_}
   plain=$(cut -d, -f1 "$results/runs.csv" | grep "^${plain%_*}_")
   metrics=$out/metrics_$model.json
   cfnav evaluate "$out/grid/runs/$run/best.safetensors" \

@@ -111,6 +111,14 @@ def test_a_card_gives_the_models_title(made):
     assert "tdanet" not in card
 
 
+def test_a_card_says_what_is_not_the_papers(made):
+    head = BundleHead.load(made / "bundle")
+    assert "action logits" not in model_card(head)
+    config = {**head.training["config"], "listening": True}
+    card = model_card(replace(head, training={**head.training, "config": config}))
+    assert "also added to its action logits, not in the paper." in card
+
+
 def test_export_replaces_nothing_but_a_bundle(made, tmp_path):
     (tmp_path / "thesis.txt").write_text("precious")
     with pytest.raises(ValueError, match="is no bundle"):
