@@ -75,9 +75,10 @@ def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
     said["world"] = world_source()
     for n, trial in enumerate(trials_of(15, 0)):
         good = n < successes
+        outcome = "done" if good or n % 2 else "aborted"
         append_row(path, {
             "trial": trial.__dict__, **said, "goal": trial.goal,
-            "room": trial.room, "outcome": "done", "success": good, "collisions": int(not good),
+            "room": trial.room, "outcome": outcome, "success": good, "collisions": int(not good),
             "cf_success": good, "steps": 9, "path_length_m": 4.0, "shortest_path_m": 2.0,
             "track": [(1.0, 1.0, 0), (2.0, 1.5, int(not good))],
         })  # fmt: skip
@@ -99,7 +100,10 @@ def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> 
     assert [row["gain"] for row in rows] == [None, *(pytest.approx(x) for x in (0.2, 0.4, 0.6))]
     assert rows[3]["cf_spl_mean"] == pytest.approx(0.4)
     assert rows[3]["row"] == "ours (TDANet)"
-    assert rows[0]["collisions_mean"] == pytest.approx(0.8)
+    assert rows[0]["collisions_mean"] == rows[0]["touched_mean"] == pytest.approx(0.8)
+    assert rows[0]["aborted_mean"] == pytest.approx(6 / 15, abs=1e-3)
+    over = [row["ours_over"] for row in rows]
+    assert over == [None, pytest.approx(0.4), pytest.approx(0.2), None]
     with Image.open(config.out / "table_IV_15.png") as picture:
         assert min(picture.size) > 800
     # policies of another training stand beside them

@@ -13,6 +13,7 @@ import sys
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cfnav_core.agent import new_agent
@@ -59,7 +60,7 @@ def rows_of(options: Benchmark) -> dict[str, dict[str, object]]:
     return {row["row"]: row for row in rows}
 
 
-def test_every_row_is_there_with_what_the_paper_says(found) -> None:
+def test_every_row_is_there_with_what_the_paper_says(options: Benchmark, found) -> None:
     assert list(found)[:2] == ["MJOLNIR-r", "ours (MJOLNIR-r)"]
     ours = found["ours (MJOLNIR-r)"]
     assert (ours["paper_cf_sr"], ours["paper_cf_spl"], ours["paper_gain"]) == (0.558, 0.21, 0.086)
@@ -74,6 +75,11 @@ def test_every_row_is_there_with_what_the_paper_says(found) -> None:
     assert drawn["collisions_mean"] != ours["collisions_mean"]
     assert 0 < float(str(ours["long_episodes"])) < 40
     assert ours["gain_by_seed"] == [ours["gain"]]
+    veto = found["MJOLNIR-r, LiDAR veto"]
+    difference = float(str(ours["cf_sr_mean"])) - float(str(veto["cf_sr_mean"]))
+    assert veto["ours_over"] == pytest.approx(difference, abs=2e-4)
+    with np.load(next(options.out.glob(f"runs/{OF.format('ours')}/*_own_drawn_*.npz"))) as file:
+        assert drawn["touched_mean"] == pytest.approx((file["collisions"] > 0).mean(), abs=1e-4)
     assert found["random"]["gain"] is None
     assert 0 <= float(str(found["random"]["sr_mean"])) < 0.3
 
