@@ -2,7 +2,7 @@
 
 The paper feeds one number and does not say where. Here the methods of a grid stand beside variants
 of ours, each given other probabilities. No test room is looked at, and nothing is chosen for the
-tables of the paper: what does better has a table of its own, "listening".
+tables of the paper; the sum with the logits has a table of its own, "listening".
 """
 
 from __future__ import annotations

@@ -99,6 +99,7 @@ def test_tenfold_rows_have_the_papers_numbers_of_the_usual_ones() -> None:
 def test_variants_are_compared_with_ours_given_the_same_p_hat(schedule: str) -> None:
     rows = [row for row in ROWS if row.table == "listening" and row.schedule == schedule]
     assert [row.p_hat for row in rows] == ["own", "zero", "shuffled", "true", "lidar", "both"]
+    assert not any(row.name.startswith("ours") for row in rows)
     ours = Job("tdanet", "ours", "data2", 0, "small", "p", schedule)  # type: ignore[arg-type]
     for row in rows:
         job = Job.of_row(row, 0, "small", "p")
