@@ -99,6 +99,11 @@ class Job:
         return " ".join(filter(None, words))
 
     @property
+    def trained_as(self) -> str:
+        """See ``Row.trained_as``."""
+        return self.variant or self.method
+
+    @property
     def stage1(self) -> Job | None:
         """The run whose stage one this one goes on from, None when it has its own."""
         method, shared = METHODS[self.method], METHODS[SHARED_STAGE1]
