@@ -140,17 +140,18 @@ def _mean_gains(rows: Sequence[Figures]) -> list[str]:
     """
     lines = []
     for split, seeds in dict.fromkeys((row.split, _seeds(row)) for row in rows):
-        both = [
-            (row.gain, row.paper_gain) for row in rows
+        found = [
+            (row.gain, row.long_gain, row.paper_gain) for row in rows
             if (row.split, _seeds(row)) == (split, seeds)
-            and row.gain is not None and row.paper_gain is not None
         ]  # fmt: skip
-        if both:
-            ours, papers = (sum(gains) / len(both) for gains in zip(*both, strict=True))
-            of = "1 model" if len(both) == 1 else f"{len(both)} models"
+        gains = [(x, y, z) for x, y, z in found if None not in (x, y, z)]
+        if gains:
+            ours, long, papers = (sum(of) / len(gains) for of in zip(*gains, strict=True))
+            of = "1 model" if len(gains) == 1 else f"{len(gains)} models"
             lines.append(
-                f"Mean gain in CF-SR on {split}, {of} (seeds: {seeds}): {_signed(ours)} points; "
-                f"the paper's of the same: {_signed(papers)}."
+                f"Mean gain in CF-SR on {split}, {of} (seeds: {seeds}): {_signed(ours)} points, "
+                f"{_signed(long)} over episodes that take five actions or more; "
+                f"the paper's of the same models: {_signed(papers)}."
             )
     return lines
 
