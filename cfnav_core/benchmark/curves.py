@@ -110,7 +110,7 @@ def draw_curves(curves: Sequence[Learned], path: Path) -> None:
     """
     colours = (*COLOURS[: len(curves) - 1], COLOURS[-1])
     with mpl.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
-        figure = Figure(figsize=(9, 3.6), layout="constrained")
+        figure = Figure(figsize=(10.5, 3.6), layout="constrained")
         axes = figure.subplots(1, 2, sharey=True)
         for ax, (key, title) in zip(axes, PANELS.items(), strict=True):
             for of, colour in zip(curves, colours, strict=True):
@@ -127,7 +127,8 @@ def draw_curves(curves: Sequence[Learned], path: Path) -> None:
             ax.fill_between([], [], color="0.5", alpha=0.3, lw=0, label="± std over seeds")
             ax.set(title=title, xlabel="episodes, thousands", ylim=(0, 100))
         axes[0].set_ylabel("CF-SR, %")
-        axes[0].legend(frameon=False, fontsize=8)
+        named = axes[0].get_legend_handles_labels()
+        figure.legend(*named, loc="outside right upper", frameon=False, fontsize=8)
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")
 
