@@ -48,9 +48,15 @@ class Trained:
         """From what a run left beside its weights.
 
         Raises:
-            FileNotFoundError: the run was not made.
+            ValueError: the run was not made, or what it left is not there.
         """
         folder = job.options(places).out
+        for file in (LOG, DONE):
+            if not (folder / file).exists():
+                raise ValueError(
+                    f"found no {file} in {folder}; unpack the archive of seed {job.seed} again, "
+                    "or train the run without --recorded"
+                )
         last = json.loads((folder / LOG).read_text().splitlines()[-1])
         done = json.loads((folder / DONE).read_text())
         return cls(
@@ -69,6 +75,7 @@ def write_runs(jobs: Iterable[Job], papers: Iterable[Job], places: Places, out: 
         out: folder that gets the file.
 
     Raises:
+        ValueError: a run was not made.
         WriteError: it cannot be written.
     """
     found = [Trained.read(job, places) for job in jobs]

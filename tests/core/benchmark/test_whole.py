@@ -239,6 +239,11 @@ def test_recorded_results_give_the_same_tables(options: Benchmark, found, tmp_pa
         for name in ("runs.csv", "predictor.json", "table_I.md"):
             assert (results / name).read_text() == (options.out / name).read_text()
     assert not list(copy.glob("runs/*/*.safetensors"))
+    log = next(copy.glob("runs/*_plain_*/log.jsonl"))
+    kept = log.rename(tmp_path / "log")
+    with pytest.raises(ValueError, match=r"found no log\.jsonl in .* archive of seed 0"):
+        run_benchmark(alone, "")
+    kept.rename(log)
     next(copy.glob("runs/*ours*/*_own_*.npz")).unlink()
     with pytest.raises(ValueError, match="found no readable results in"):
         run_benchmark(alone, "")
