@@ -16,7 +16,7 @@ runs() {
   python - "$results/runs.csv" <<'EOF'
 import csv, sys
 for row in csv.DictReader(open(sys.argv[1])):
-    if row["method"] == "ours":
+    if row["method"] in ("ours", "listening"):
         print(row["model"], row["split"], row["run"], row["validation_cf_sr"])
 EOF
 }

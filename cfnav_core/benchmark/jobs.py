@@ -100,7 +100,7 @@ class Job:
 
     @property
     def trained_as(self) -> str:
-        """See ``Row.trained_as``."""
+        """What tables name as its method: the variant, where it is one."""
         return self.variant or self.method
 
     @property

@@ -72,11 +72,6 @@ class Row:
     variant: Variant = ""
 
     @property
-    def trained_as(self) -> str:
-        """What tables name as its method: the variant, where it is one."""
-        return self.variant or self.method
-
-    @property
     def reads_lidar(self) -> bool:
         """Whether its test needs what the LiDAR node says in the test rooms."""
         return self.veto or self.p_hat in WITH_LIDAR
