@@ -34,9 +34,17 @@ from std_msgs.msg import Float64
 from tests.conftest import DEADLINE_S
 
 PERIOD_S = 0.05
-LATE_M, LATE_DEG = 0.05, 15.0
-"""How far the robot gets on odometry as old as the node allows (0.25 s), on a machine under load;
+LATE_M, LATE_DEG = 0.1, 30.0
+"""How far the robot gets in half a second, by which a machine under load may let it be late;
 how exact motions are is tested without processes."""
+PATIENT = (
+    "episode.ages.frame:=4.0",
+    "episode.ages.estimate:=2.0",
+    "episode.ages.odometry:=1.0",
+    "episode.ages.tilt:=2.0",
+)
+"""Four times the oldest inputs that the node acts on by default: a machine under load may let
+messages lie for longer than those, which is no fault of what is tested here."""
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 LOST = "client will not receive response"
@@ -251,7 +259,7 @@ def policy_graph(folder, domain):
         robot.log = log
         started.append(robot)
         process = start_node(
-            domain, log, f"bundle:={bundle}", *parameters, program=program, remap=remap
+            domain, log, f"bundle:={bundle}", *PATIENT, *parameters, program=program, remap=remap
         )
         started.append(process)
         return robot, process, log

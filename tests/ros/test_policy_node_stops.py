@@ -95,7 +95,7 @@ def test_a_canceled_goal_sends_zeros_for_half_a_second(graph, make_bundle):
 
 
 def test_lost_odometry_stops_the_robot_and_then_the_episode(graph, make_bundle):
-    robot, _, _ = graph(make_bundle("MoveAhead"))
+    robot, _, _ = graph(make_bundle("MoveAhead"), "episode.ages.odometry:=0.25")
     future = robot.send()[1]
     robot.wait_driving()
     robot.silent = {"odometry"}

@@ -24,7 +24,7 @@ def graph(tmp_path, ros_domain_id):
         yield start
 
 
-def stops(robot, future, within=1.0):
+def stops(robot, future, within=2.5):
     """Wait until the robot stands and its goal has ended; returns the result."""
     since = time.monotonic()
     robot.wait(lambda: standing(robot), "the robot to stand")
