@@ -11,20 +11,8 @@ out=${OUT:-out/paper}
 results=${RESULTS:-$out/results}
 perception=cfnav_core/bundles/default/perception.onnx
 
-# model, split, folder and validation CF-SR of each run of ours, whatever its schedule
-runs() {
-  python - "$results/runs.csv" <<'EOF'
-import csv, sys
-for row in csv.DictReader(open(sys.argv[1])):
-    if row["method"] in ("ours", "listening"):
-        print(row["model"], row["split"], row["run"], row["validation_cf_sr"])
-EOF
-}
-
-runs | sort -k1,1 -k4,4gr -k3,3 | sort -u -s -k1,1 | while read -r model split run _; do
-  plain=${run/_ours_listening_/_ours_}
-  plain=${plain/_ours_/_plain_}
-  plain=$(cut -d, -f1 "$results/runs.csv" | grep "^${plain%_*}_")
+best=$(python -m cfnav_core.benchmark.best "$results")
+while read -r model split run plain; do
   metrics=$out/metrics_$model.json
   cfnav evaluate "$out/grid/runs/$run/best.safetensors" \
     --against "$out/grid/runs/$plain/best.safetensors" --scenes "$out/rooms" \
@@ -32,4 +20,4 @@ runs | sort -k1,1 -k4,4gr -k3,3 | sort -u -s -k1,1 | while read -r model split r
   cfnav export "$out/grid/runs/$run/best.safetensors" --perception "$perception" --name "$model" \
     --metrics "$metrics" --out "cfnav_core/bundles/$model" \
     --commands '`scripts/reproduce.sh` (`make reproduce`) and `scripts/ship_bundles.sh`'
-done
+done <<< "$best"
