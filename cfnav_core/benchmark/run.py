@@ -13,7 +13,7 @@ from cfnav_core.benchmark.pages import Figures, write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
 from cfnav_core.benchmark.predictor import judge_predictors
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row, Split
-from cfnav_core.benchmark.runs import write_runs
+from cfnav_core.benchmark.runs import Trained, write_runs
 from cfnav_core.benchmark.stamps import Made, check_rooms
 from cfnav_core.benchmark.tables import Bench, episodes_of, figures_of, figures_of_chance
 from cfnav_core.benchmark.work import Task
@@ -58,11 +58,12 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     found = [figures_of(row, bench, ROWS) for row in rows]
     if "own" in options.tables:
         found += [figures_of_chance(split, bench) for split in splits]
+    trained = [Trained.read(job, places) for job in jobs]  # a missing one is said before any table
     results = options.results or places.out
     write_tables(found, results)
     papers = [row for row in rows if row.table in PAPER]
     of_paper = jobs_of(papers, options.seeds, options.preset, made.perception)
-    write_runs(jobs, of_paper, places, results)
+    write_runs(trained, {job.hash for job in of_paper}, results)
     judge_predictors(rows, bench, results)
     draw_figures(rows, bench, results)
     return found

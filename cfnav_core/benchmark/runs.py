@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -66,20 +66,17 @@ class Trained:
         )  # fmt: skip
 
 
-def write_runs(jobs: Iterable[Job], papers: Iterable[Job], places: Places, out: Path) -> None:
+def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) -> None:
     """Write a line for each run beside those of other runs, and print what these took.
 
     Args:
-        jobs: trained ones. papers: those that the paper's tables need.
-        places: of the grid.
+        found: the runs.
+        of_paper: hashes of those that the paper's tables need.
         out: folder that gets the file.
 
     Raises:
-        ValueError: a run was not made.
         WriteError: it cannot be written.
     """
-    found = [Trained.read(job, places) for job in jobs]
-    of_paper = {job.hash for job in papers}
     path = out / RUNS
     kept = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
     made = {run.config_hash for run in found}

@@ -242,7 +242,8 @@ def test_recorded_results_give_the_same_tables(options: Benchmark, found, tmp_pa
     log = next(copy.glob("runs/*_plain_*/log.jsonl"))
     kept = log.rename(tmp_path / "log")
     with pytest.raises(ValueError, match=r"found no log\.jsonl in .* archive of seed 0"):
-        run_benchmark(alone, "")
+        run_benchmark(replace(alone, results=tmp_path / "unwritten"), "")
+    assert not (tmp_path / "unwritten").exists()
     kept.rename(log)
     next(copy.glob("runs/*ours*/*_own_*.npz")).unlink()
     with pytest.raises(ValueError, match="found no readable results in"):
