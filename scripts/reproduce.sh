@@ -24,6 +24,18 @@ benchmark tenfold --model tdanet --seeds "$seeds"
 benchmark tenfold --model lstde --seeds 1
 benchmark listening --seeds "$seeds"
 
+looks=()
+for shift in 0.5 1.0; do
+  shifted=$out/rooms_shifted_$shift
+  python -m sim_bridge.dataset --rooms data2:test --visual-shift "$shift" \
+    --perception "$perception" --out "$shifted"
+  python -m sim_bridge.scans "$shifted" --rooms data2:test
+  python -m cfnav_ros.lidar_states "$shifted"
+  looks+=(--shifted "$shifted")
+done
+python -m cfnav_core.benchmark.shift_study --scenes "$out/rooms" "${looks[@]}" \
+  --grid "$out/grid" --preset "$preset" --results "$results" --seeds "$seeds"
+
 bundle() { # METHOD, or METHOD_tenfold; SEED
   local folder weights
   folder=$(awk -F, -v run="data2_tdanet_$1_seed$2_" 'index($1, run) == 1 {of = $1} END {print of}' \
@@ -57,7 +69,7 @@ fi
 for ((seed = 0; seed < seeds; seed++)); do
   (
     cd "$out"
-    find grid/rooms.json grid/tests.json grid/runs/*_seed"${seed}"_* grid/random_"${seed}"_* \
+    find grid/{rooms,tests,looks}.json grid/runs/*_seed"${seed}"_* grid/random_"${seed}"_* \
       trials/maps trials/*_seed"${seed}"_*.jsonl -type f \
       ! -name '*.safetensors' ! -name '*.steps.npz' ! -name '*.task.json' ! -name '*.lock' \
       ! -name '*.log' ! -name 'events.out.*' -print | sort

@@ -71,7 +71,7 @@ def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     found: list[Quality] = []
     for row in rows:
         if row.method == "ours" and row.table in JUDGED and not (row.itself or row.sample):
-            found += over_runs(_judged(row, bench))
+            found += over_runs(judged(row, bench))
     if not found:
         return
     path = results / "predictor.json"
@@ -83,8 +83,15 @@ def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     print(f"Collision probabilities\n\n{page}")
 
 
-def _judged(row: Row, bench: Bench) -> list[list[Quality]]:
-    """By run; kept beside a run's results, as its steps are large."""
+def judged(row: Row, bench: Bench) -> list[list[Quality]]:
+    """The probabilities of each run of a tested row, its own and the LiDAR's on the same steps.
+
+    Kept beside a run's results, as its steps are large.
+
+    Raises:
+        ValueError: a run was not tested yet.
+        FileNotFoundError: its steps were not kept, and they were not judged before.
+    """
     scanned = f"{row.split} {LIDAR}" in bench.made.tests
     of = bench.frozen(row.split, "lidar" if scanned else "own").made_of
     runs = []

@@ -114,7 +114,7 @@ def _train_and_test(
             executor,
         )
         if not options.train_only:
-            run_tasks(_tests(rows, bench), executor)
+            run_tasks(tests_of(rows, bench), executor)
     except GridError as error:
         raise ValueError(str(error)) from error
     finally:
@@ -130,12 +130,12 @@ def _executor(options: Benchmark) -> Executor:
     return RayCluster(options.ray, options.jobs)
 
 
-def _tests(rows: Sequence[Row], bench: Bench) -> list[Task]:
+def tests_of(rows: Sequence[Row], bench: Bench) -> list[Task]:
     """Every test that the rows need, each once."""
     wanted: dict[Task, None] = {}
     for row in rows:
         for of in filter(None, (row, row.reference, row.itself, row.rival)):
-            for seed in range(bench.seeds):
+            for seed in bench.every_seed:
                 wanted[Task(bench.job(of, seed), bench.places, bench.test(of))] = None
     return list(wanted)
 
@@ -154,7 +154,7 @@ def draw_figures(rows: Sequence[Row], bench: Bench, results: Path) -> None:
     for name, of in drawn.items():
         curves = [
             Learned.read(
-                row.name, [bench.job(row, seed) for seed in range(bench.seeds)], bench.places
+                row.name, [bench.job(row, seed) for seed in bench.every_seed], bench.places
             )
             for row in of
         ]

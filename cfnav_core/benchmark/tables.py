@@ -28,7 +28,7 @@ class Bench:
     Attributes:
         places: of the grid. episodes: folder of the frozen test episodes.
         seeds: of each row. preset: of sizes and numbers. made: what tests are made of.
-        command: that made the rows.
+        command: that made the rows. first_seed: the other seeds follow it.
     """
 
     places: Places
@@ -37,6 +37,12 @@ class Bench:
     preset: PresetName
     made: Made
     command: str
+    first_seed: int = 0
+
+    @property
+    def every_seed(self) -> range:
+        """The training seeds."""
+        return range(self.first_seed, self.first_seed + self.seeds)
 
     def job(self, row: Row, seed: int) -> Job:
         """A run of a row."""
@@ -74,7 +80,7 @@ class Bench:
     def results(self, row: Row) -> list[Path]:
         """Files of a row's results by seed."""
         file = self.test(row).file
-        runs = (self.job(row, seed) for seed in range(self.seeds))
+        runs = (self.job(row, seed) for seed in self.every_seed)
         return [run.options(self.places).out / file for run in runs]
 
 
@@ -95,7 +101,7 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         ValueError: a run was not tested yet, or runs met different episodes.
     """
     found = bench.tested(row)
-    job = bench.job(row, 0)
+    job = bench.job(row, bench.first_seed)
     compared: dict[str, Any] = {}
     if row.itself:
         own = _differences(row, found, bench.tested(row.itself))
@@ -123,7 +129,7 @@ def figures_of_chance(split: Split, bench: Bench) -> Figures:
     test = bench.frozen(split)
     found = [
         chance(test, bench.places.scenes, seed, bench.places.out / f"random_{seed}_{test.file}")
-        for seed in range(bench.seeds)
+        for seed in bench.every_seed
     ]
     return Figures(
         table="own", row="random", model="none", method="random", split=split, p_hat="own",
