@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -12,23 +13,25 @@ from cfnav_core.benchmark.p_hat_study import Study, run
 from cfnav_core.benchmark.run import run_benchmark
 from cfnav_core.checkpoint import load_tensors
 from tests.core.benchmark.halls import make_halls
+from tests.core.benchmark.inline import in_this_process
 
 LISTENING = "runs/*_ours_listening_seed0_*/best.safetensors"
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+def study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Study]:
     folder = tmp_path_factory.mktemp("study")
     make_halls(folder / "rooms")
     grid = Benchmark(
         ("own",), folder / "rooms", folder / "grid", seeds=1, preset="tiny", model=("tdanet",),
         jobs=2, train_only=True, device="cpu",
     )  # fmt: skip
-    run_benchmark(grid, "")
-    return Study(
-        grid.scenes, grid.out, folder / "results", seeds=1, episodes=40, jobs=2, preset="tiny",
-        model=("tdanet",),
-    )  # fmt: skip
+    with in_this_process():
+        run_benchmark(grid, "")
+        yield Study(
+            grid.scenes, grid.out, folder / "results", seeds=1, episodes=40, jobs=2,
+            preset="tiny", model=("tdanet",),
+        )  # fmt: skip
 
 
 def read_page(study: Study) -> str:
@@ -69,6 +72,7 @@ def test_it_goes_on_without_training_again(study: Study) -> None:
     assert read_page(study) == page
 
 
+@pytest.mark.long
 def test_it_asks_the_same_of_longer_training(study: Study) -> None:
     grid = Benchmark(
         ("tenfold",), study.scenes, study.grid, seeds=1, preset="tiny", model=("tdanet",), jobs=2,

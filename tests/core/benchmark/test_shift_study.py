@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from cfnav_core.published.start_states import read_episodes, write_episodes
 from cfnav_core.rooms import parse_room, parse_rooms, room_folder
 from cfnav_core.scene import LIDAR, OfflineScene
 from tests.core.benchmark.halls import make_halls
+from tests.core.benchmark.inline import in_this_process
 
 SHIFT = 0.5
 EPISODES = 40
@@ -39,7 +41,7 @@ def make_shifted(usual: Path, folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+def study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Study]:
     folder = tmp_path_factory.mktemp("study")
     make_halls(folder / "rooms")
     make_shifted(folder / "rooms", folder / "shifted")
@@ -50,11 +52,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
         ("tenfold",), folder / "rooms", folder / "grid", seeds=1, preset="tiny",
         model=("tdanet",), jobs=2, device="cpu", episodes=folder, train_only=True,
     )  # fmt: skip
-    run_benchmark(grid, "")
-    return Study(
-        grid.scenes, (folder / "shifted",), grid.out, folder / "results", seeds=1, jobs=2,
-        preset="tiny", episodes=folder,
-    )  # fmt: skip
+    with in_this_process():
+        run_benchmark(grid, "")
+        yield Study(
+            grid.scenes, (folder / "shifted",), grid.out, folder / "results", seeds=1, jobs=2,
+            preset="tiny", episodes=folder,
+        )  # fmt: skip
 
 
 def test_the_same_policies_stand_beside_themselves_in_another_look(study: Study) -> None:
