@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Makes the shipped bundle of each published model, after scripts/reproduce.sh.
 #   OUT=out/paper RESULTS=docs/results scripts/ship_bundles.sh
-# Of ours of each model, its variants too, the run that was best in validation rooms is shipped; its
-# weights have to be here. Its figures are those of the frozen test episodes, beside plain of the
-# same seed and schedule.
+# Shipped is the configuration of ours of each model, its variants too, that was best in validation
+# rooms, its seeds averaged; of its runs the best one whose weights are here. Its figures are those of
+# the frozen test episodes, beside plain of the same seed and schedule.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -11,8 +11,9 @@ out=${OUT:-out/paper}
 results=${RESULTS:-$out/results}
 perception=cfnav_core/bundles/default/perception.onnx
 
-best=$(python -m cfnav_core.benchmark.best "$results")
+best=$(python -m cfnav_core.benchmark.best "$results" "$out/grid")
 while read -r model split run plain; do
+  [ -n "$model" ] || continue # none is at hand
   metrics=$out/metrics_$model.json
   cfnav evaluate "$out/grid/runs/$run/best.safetensors" \
     --against "$out/grid/runs/$plain/best.safetensors" --scenes "$out/rooms" \

@@ -1,66 +1,96 @@
-"""Which run of each model is shipped: ``python -m cfnav_core.benchmark.best RESULTS``."""
+"""Which run of each model is shipped: ``python -m cfnav_core.benchmark.best RESULTS GRID``.
+
+It is of the configuration of ours that reached the highest CF-SR in validation rooms, its seeds
+averaged. Of its runs it is the best one whose weights are in the grid, with those of plain beside
+it: results that were unpacked have none.
+"""
 
 from __future__ import annotations
 
 import csv
+import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
+from statistics import mean
 
 from cfnav_core.benchmark.runs import RUNS
+from cfnav_core.run_files import BEST
 
 OURS = ("ours", "listening")
 """Methods of ``runs.csv`` that are ours, whatever their schedule."""
 
+Line = Mapping[str, str]
+"""A line of ``runs.csv``."""
 
-def best_runs(rows: Iterable[Mapping[str, str]]) -> list[tuple[Mapping[str, str], str]]:
-    """Of ours of each model the run with the highest CF-SR in validation rooms.
+
+def best_runs(lines: Iterable[Line], here: Container[str]) -> list[tuple[Line, str]]:
+    """Of each model the run that is shipped.
 
     Args:
-        rows: of ``runs.csv``.
+        lines: of ``runs.csv``.
+        here: folders of the runs whose weights are at hand.
 
     Returns:
-        For each model, by name: its row, and the folder's name of the plain run of the same split,
-        seed and schedule. Of equal ones the first by the folder's name.
-
-    Raises:
-        ValueError: there is no such plain run.
+        For each model, by name: its line, and the folder of the plain run of the same split, seed
+        and schedule; "" where no pair of both is at hand. Of equal ones the first by name.
     """
-    rows = sorted(rows, key=lambda row: row["run"])
-    plain = {_without_hash(row["run"]): row["run"] for row in rows if row["method"] == "plain"}
-    best: dict[str, Mapping[str, str]] = {}
-    for row in rows:
-        if row["method"] not in OURS:
-            continue
-        first = best.setdefault(row["model"], row)
-        if float(row["validation_cf_sr"]) > float(first["validation_cf_sr"]):
-            best[row["model"]] = row
+    lines = sorted(lines, key=lambda line: line["run"])
+    plain = {_without_hash(line["run"]): line["run"] for line in lines if line["method"] == "plain"}
+    kinds: dict[str, dict[str, list[Line]]] = {}
+    for line in lines:
+        if line["method"] in OURS:
+            of_model = kinds.setdefault(line["model"], {})
+            of_model.setdefault(_without_seed(line["run"]), []).append(line)
     found = []
-    for _, row in sorted(best.items()):
-        beside = _without_hash(row["run"]).replace("_ours_listening_", "_ours_")
-        beside = beside.replace("_ours_", "_plain_")
-        if beside not in plain:
-            raise ValueError(
-                f"found no run {beside}_* beside {row['run']}; train plain of the same seed too"
-            )
-        found.append((row, plain[beside]))
+    for _, of_model in sorted(kinds.items()):
+        runs = max(of_model.values(), key=lambda of: mean(map(_reached, of)))
+        beside = {line["run"]: plain.get(_plain_beside(line["run"]), "") for line in runs}
+        pairs = [line for line in runs if line["run"] in here and beside[line["run"]] in here]
+        best = max(pairs or runs, key=_reached)
+        found.append((best, beside[best["run"]] if pairs else ""))
     return found
+
+
+def _reached(line: Line) -> float:
+    return float(line["validation_cf_sr"])
+
+
+def _plain_beside(run: str) -> str:
+    """Name, without its hash, of the plain run that a run of ours is compared with."""
+    return _without_hash(run).replace("_ours_listening_", "_ours_").replace("_ours_", "_plain_")
 
 
 def _without_hash(run: str) -> str:
     return run.rpartition("_")[0]
 
 
+def _without_seed(run: str) -> str:
+    return re.sub(r"_seed\d+$", "", _without_hash(run))
+
+
 def main() -> int:
-    """Print model, split, run and plain run of each model, a line each."""
-    path = Path(sys.argv[1]) / RUNS
+    """Print model, split, run and plain run of each model, a line each.
+
+    Models of which no pair is at hand are named on stderr.
+    """
+    results, grid = map(Path, sys.argv[1:3])
+    here = {path.parent.name for path in grid.glob(f"runs/*/{BEST}")}
     try:
-        found = best_runs(csv.DictReader(path.read_text().splitlines()))
+        lines = (results / RUNS).read_text().splitlines()
+        found = best_runs(csv.DictReader(lines), here)
     except (OSError, ValueError) as error:
         print(f"best: {error}", file=sys.stderr)
         return 2
-    for row, plain in found:
-        print(row["model"], row["split"], row["run"], plain)
+    for line, plain in found:
+        if plain:
+            print(line["model"], line["split"], line["run"], plain)
+        else:
+            print(
+                f"best: found no weights of {_without_seed(line['run'])}_seed* and of plain beside "
+                f"it in {grid}; train one seed of both to ship {line['model']}",
+                file=sys.stderr,
+            )
     return 0
 
 

@@ -1,11 +1,13 @@
 """Which run of each model is shipped."""
 
+from pathlib import Path
+
 import pytest
 
 from cfnav_core.benchmark.best import best_runs, main
 
 
-def row(run: str, validation: float) -> dict[str, str]:
+def line(run: str, validation: float) -> dict[str, str]:
     """A line of runs.csv for a folder's name SPLIT_MODEL_METHOD_..."""
     split, model, method, *more = run.split("_")
     if more[0] == "listening":
@@ -16,38 +18,56 @@ def row(run: str, validation: float) -> dict[str, str]:
     }  # fmt: skip
 
 
-ROWS = [
-    row("data1_hoz_ours_later_seed0_aa", 0.6),
-    row("data1_hoz_ours_later_seed1_ab", 0.7),
-    row("data1_hoz_ours_seed1_ac", 0.7),
-    row("data1_hoz_truth_seed1_ad", 0.9),
-    row("data1_hoz_plain_later_seed1_ae", 0.95),
-    row("data1_hoz_plain_seed1_af", 0.5),
-    row("data2_tdanet_ours_listening_tenfold_seed2_ba", 0.8),
-    row("data2_tdanet_ours_tenfold_seed2_bb", 0.75),
-    row("data2_tdanet_plain_tenfold_seed2_bc", 0.4),
-    row("data2_tdanet_plain_seed2_bd", 0.4),
+LINES = [
+    line("data1_hoz_ours_later_seed0_aa", 0.6),
+    line("data1_hoz_ours_later_seed1_ab", 0.7),
+    line("data1_hoz_ours_seed0_ac", 0.3),
+    line("data1_hoz_ours_seed1_ad", 0.8),
+    line("data1_hoz_truth_seed1_ae", 0.9),
+    line("data1_hoz_plain_later_seed0_af", 0.2),
+    line("data1_hoz_plain_later_seed1_ag", 0.95),
+    line("data1_hoz_plain_seed1_ah", 0.5),
+    line("data2_tdanet_ours_listening_tenfold_seed2_ba", 0.8),
+    line("data2_tdanet_ours_tenfold_seed2_bb", 0.75),
+    line("data2_tdanet_plain_tenfold_seed2_bc", 0.4),
+    line("data2_tdanet_plain_seed2_bd", 0.4),
 ]
+EVERY = {of["run"] for of in LINES}
+TDANET = (
+    "data2_tdanet_ours_listening_tenfold_seed2_ba", "data2_tdanet_plain_tenfold_seed2_bc",
+)  # fmt: skip
 
 
-def test_the_best_of_ours_goes_with_plain_of_its_seed_and_schedule():
-    for rows in (ROWS, ROWS[::-1]):
-        found = [(best["run"], plain) for best, plain in best_runs(rows)]
-        assert found == [
-            ("data1_hoz_ours_later_seed1_ab", "data1_hoz_plain_later_seed1_ae"),
-            ("data2_tdanet_ours_listening_tenfold_seed2_ba", "data2_tdanet_plain_tenfold_seed2_bc"),
-        ]
+@pytest.mark.parametrize(
+    ("missing", "hoz"),
+    [
+        ("nothing", ("data1_hoz_ours_later_seed1_ab", "data1_hoz_plain_later_seed1_ag")),
+        ("data1_hoz_ours_later_seed1_ab",
+         ("data1_hoz_ours_later_seed0_aa", "data1_hoz_plain_later_seed0_af")),
+        ("data1_hoz_plain_later_seed1_ag",
+         ("data1_hoz_ours_later_seed0_aa", "data1_hoz_plain_later_seed0_af")),
+    ],
+)  # fmt: skip
+def test_the_best_at_hand_of_the_best_configuration(missing: str, hoz: tuple[str, str]):
+    """Not the best run of all, which was one of another configuration."""
+    for lines in (LINES, LINES[::-1]):
+        found = best_runs(lines, EVERY - {missing})
+        assert [(best["run"], plain) for best, plain in found] == [hoz, TDANET]
 
 
-def test_without_its_plain_run_nothing_is_shipped(tmp_path, monkeypatch, capsys):
-    with pytest.raises(ValueError, match="found no run data2_tdanet_plain_tenfold_seed2_"):
-        best_runs(ROWS[:-2])
-    monkeypatch.setattr("sys.argv", ["best", str(tmp_path)])
+def test_a_configuration_without_weights_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr("sys.argv", ["best", str(tmp_path), str(tmp_path / "grid")])
     assert main() == 2
     assert "runs.csv" in capsys.readouterr().err
-    lines = [",".join(ROWS[0]), *(",".join(r.values()) for r in ROWS[:6])]
+    lines = [",".join(LINES[0]), *(",".join(of.values()) for of in LINES)]
     (tmp_path / "runs.csv").write_text("\n".join(lines))
+    for run in EVERY - set(TDANET[1:]):
+        folder = tmp_path / "grid" / "runs" / run
+        folder.mkdir(parents=True)
+        (folder / "best.safetensors").touch()
     assert main() == 0
-    assert capsys.readouterr().out == (
-        "hoz data1 data1_hoz_ours_later_seed1_ab data1_hoz_plain_later_seed1_ae\n"
-    )
+    said = capsys.readouterr()
+    assert said.out == "hoz data1 data1_hoz_ours_later_seed1_ab data1_hoz_plain_later_seed1_ag\n"
+    assert "found no weights of data2_tdanet_ours_listening_tenfold_seed*" in said.err
