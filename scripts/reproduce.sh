@@ -13,7 +13,7 @@ preset=${PRESET:-small}
 perception=cfnav_core/bundles/default/perception.onnx
 
 python -m sim_bridge.dataset --perception "$perception" --out "$out/rooms"
-python -m sim_bridge.scans "$out/rooms" --rooms data2:test
+python -m sim_bridge.scans "$out/rooms" --rooms data2:test --rooms data2:validation
 python -m cfnav_ros.lidar_states "$out/rooms"
 benchmark() {
   cfnav benchmark "$@" --scenes "$out/rooms" --out "$out/grid" --preset "$preset" \
@@ -23,6 +23,8 @@ benchmark I II III own --seeds "$seeds"
 benchmark tenfold --model tdanet --seeds "$seeds"
 benchmark tenfold --model lstde --seeds 1
 benchmark listening --seeds "$seeds"
+python -m cfnav_core.benchmark.p_hat_study --scenes "$out/rooms" --grid "$out/grid" \
+  --preset "$preset" --results "$results" --seeds "$seeds"
 
 looks=()
 for shift in 0.5 1.0; do
@@ -70,7 +72,7 @@ for ((seed = 0; seed < seeds; seed++)); do
   (
     cd "$out"
     find grid/{rooms,tests,looks}.json grid/runs/*_seed"${seed}"_* grid/random_"${seed}"_* \
-      trials/maps trials/*_seed"${seed}"_*.jsonl -type f \
+      grid/p_hat/tests/*_seed"${seed}"_* trials/maps trials/*_seed"${seed}"_*.jsonl -type f \
       ! -name '*.safetensors' ! -name '*.steps.npz' ! -name '*.task.json' ! -name '*.lock' \
       ! -name '*.log' ! -name 'events.out.*' -print | sort
   ) | tar -C "$out" --files-from=- --mtime=@0 --owner=0 --group=0 --numeric-owner -c \

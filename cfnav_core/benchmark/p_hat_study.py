@@ -170,7 +170,8 @@ def _train(jobs: Sequence[Job], places: Places, study: Study) -> None:
     """
     tasks = [Task(job, places) for job in jobs]
     for task in tasks:
-        there = task.result.exists() and (task.folder / BEST).exists()
+        tested = any(_tests(study).glob(f"{task.job.name}_*"))
+        there = task.result.exists() and ((task.folder / BEST).exists() or tested)
         if not task.job.variant and not there:
             raise ValueError(
                 f"found no trained run {task.job.title} with its weights in {study.grid}; run "
@@ -214,11 +215,28 @@ def _lines(
     return lines
 
 
+def _tests(study: Study) -> Path:
+    """Folder of the tests, which an archive of results may have brought."""
+    return study.grid / "p_hat" / "tests"
+
+
 def _tested(study: Study, split: Split, made_of: str, best: Path, p_hat: PHat) -> Path:
-    """The file of a run's results, tested if it is not there."""
+    """The file of a run's results, tested if it is not there.
+
+    Raises:
+        ValueError: it is not there, and neither are the weights.
+    """
+    rest = f"{study.episodes}_{p_hat}_{made_of}.npz"
+    if not best.exists():
+        recorded = sorted(_tests(study).glob(f"{best.parent.name}_????????_{rest}"))
+        if len(recorded) != 1:
+            raise ValueError(
+                f"found no weights in {best.parent} and {len(recorded)} tests of them with "
+                f"{p_hat} p_hat, expected one; train that run again, or unpack its archive"
+            )
+        return recorded[0]
     weights = sha256(best.read_bytes()).hexdigest()[:8]
-    name = f"{best.parent.name}_{weights}_{study.episodes}_{p_hat}_{made_of}.npz"
-    path = study.grid / "p_hat" / "tests" / name
+    path = _tests(study) / f"{best.parent.name}_{weights}_{rest}"
     if not path.exists():
         found = evaluate(
             best, study.scenes, study.episodes, EPISODES_SEED, p_hat=p_hat,

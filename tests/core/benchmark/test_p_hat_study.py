@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -70,6 +72,17 @@ def test_it_goes_on_without_training_again(study: Study) -> None:
     assert [p.stat().st_mtime_ns for p in (best, *tests[1:])] == before
     assert tests[0].exists()
     assert read_page(study) == page
+
+
+def test_recorded_tests_stand_for_weights_that_are_not_there(study: Study, tmp_path: Path) -> None:
+    away = shutil.ignore_patterns("*.safetensors")
+    shutil.copytree(study.grid, tmp_path / "grid", ignore=away)
+    recorded = replace(study, grid=tmp_path / "grid", results=tmp_path)
+    run(recorded)
+    assert read_page(recorded) == read_page(study)
+    next((tmp_path / "grid/p_hat/tests").glob("*_shuffled_*")).unlink()
+    with pytest.raises(ValueError, match="and 0 tests of them with shuffled p_hat, expected one"):
+        run(recorded)
 
 
 @pytest.mark.long
