@@ -62,19 +62,16 @@ def test_a_shipped_bundle_is_small_and_holds_every_number_once(folder: Path):
     assert head.metrics
     assert (folder / "MODEL_CARD.md").read_text() == model_card(head)
     size = sum(f.stat().st_size for f in folder.iterdir())
-    assert size < 12 << 20
+    assert size < 12e6
     weights = load_file(folder / WEIGHTS)
     assert not [name for name in weights if "optimizer" in name]
     for name, prefix in (("policy.onnx", ""), ("predictor.onnx", "predictor.")):
-        # tables of what is known of the objects are constants of the graph
-        assert (folder / name).stat().st_size < 200_000
+        assert (folder / name).stat().st_size < 20_000
         graph = onnx.load(folder / name)
         own = {prefix + t.name: to_array(t) for t in graph.graph.initializer}
         shared = own.keys() & weights.keys()
-        assert shared
+        assert len(shared) >= len(own) - 1
         assert all(np.array_equal(own[k], weights[k]) for k in shared)
-        # a layer that the exporter turned round is not found by its name
-        assert sum(own[k].nbytes for k in own.keys() - shared) < 10_000
 
 
 def test_everybody_may_read_a_bundle(bundle):
