@@ -116,6 +116,7 @@ def bench(
 
 
 @pytest.mark.ros
+@pytest.mark.long
 def test_a_short_bench_measures_the_real_graph(bench: Callable, tmp_path: Path) -> None:
     process = bench()
     assert process.wait(LONG_S) == 0, process.output
@@ -157,6 +158,7 @@ def test_a_short_bench_measures_the_real_graph(bench: Callable, tmp_path: Path) 
 
 
 @pytest.mark.ros
+@pytest.mark.long
 def test_interrupt_leaves_no_figures(bench: Callable, tmp_path: Path) -> None:
     process = bench("--seconds", "1000")
     process.wait_for_line("speed 1: driving in ROS domain", LONG_S)

@@ -83,7 +83,7 @@ def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
 ) -> None:
     process = demo(
         *("--room", "bathroom:20,kitchen:21", "--seed", "4", "--episodes", "3"),
-        *("--speed", "3", "--no-veto"),
+        *("--speed", "2", "--no-veto"),
     )
     assert process.wait(LONG_S) == 0, process.output
 
@@ -172,6 +172,7 @@ def test_a_domain_in_use_is_refused(demo: Callable, listener: Callable, ros_doma
     assert sentence in process.output
 
 
+@pytest.mark.long
 def test_trials_go_on_where_they_stopped_and_repeat_themselves(
     start_process: Callable, ros_domain_id: int, eager_bundle: Path, tmp_path: Path
 ) -> None:

@@ -243,6 +243,7 @@ def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
 # The real thing
 
 
+@pytest.mark.long
 def test_one_cell_on_a_live_graph(tmp_path):
     config = fault_matrix.MatrixConfig(
         tmp_path / "faults.jsonl", runs=1, graphs=1, only="^odom_silent$", phase=(Phase.DRIVING,)

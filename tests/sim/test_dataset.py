@@ -31,10 +31,10 @@ def perception(tmp_path_factory) -> Path:
 
 
 def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
-    options = Options(["bathroom:3"], tmp_path, perception, keep_pictures=True, processes=1)
+    options = Options(["bathroom:0"], tmp_path, perception, keep_pictures=True, processes=1)
     run(options)
-    scene = OfflineScene.load(tmp_path / "bathroom_00003")
-    world = World(generate_room("bathroom", 3))
+    scene = OfflineScene.load(tmp_path / "bathroom_00000")
+    world = World(generate_room("bathroom", 0))
     grid, observe = state_grid(world), Perception(perception)
     np.testing.assert_array_equal(scene.next_state, grid.next_state)
     with Camera(world) as camera:
@@ -50,7 +50,7 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     run(options)
     assert "1 were there already" in capsys.readouterr().out
     # a room that was damaged since is made again
-    (tmp_path / "bathroom_00003/collided.npy").write_bytes(b"")
+    (tmp_path / "bathroom_00000/collided.npy").write_bytes(b"")
     run(options)
     assert "0 were there already" in capsys.readouterr().out
     assert check_rooms(tmp_path) == []
@@ -58,17 +58,17 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     export_perception(PerceptionNet(), tmp_path / "other.onnx")
     # by another light the same room looks different, and unshifted pictures are not taken for it
     run(replace(options, visual_shift=1.0))
-    dark = OfflineScene.load(tmp_path / "bathroom_00003")
+    dark = OfflineScene.load(tmp_path / "bathroom_00000")
     np.testing.assert_array_equal(dark.next_state, scene.next_state)
     with Camera(world) as camera:
         picture = preprocess(shifted(camera.rgb(grid.pose(7)), 1.0))
     seen = observe(picture[None])
     np.testing.assert_allclose(dark.features[7], seen.features[0], atol=2e-3)
     run(options)
-    np.testing.assert_array_equal(OfflineScene.load(tmp_path / "bathroom_00003").features, features)
+    np.testing.assert_array_equal(OfflineScene.load(tmp_path / "bathroom_00000").features, features)
     # another perception makes features again from the pictures
-    run(Options(["bathroom:3"], tmp_path, tmp_path / "other.onnx", processes=1))
-    again = OfflineScene.load(tmp_path / "bathroom_00003")
+    run(Options(["bathroom:0"], tmp_path, tmp_path / "other.onnx", processes=1))
+    again = OfflineScene.load(tmp_path / "bathroom_00000")
     assert again.perception != scene.perception
     assert (np.asarray(again.features) != scene.features).any()
 

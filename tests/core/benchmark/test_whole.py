@@ -1,6 +1,7 @@
 """``cfnav benchmark`` from scenes to tables and figures, with small scenes and hardly any training.
 
-The grid runs on a local Ray cluster of two workers, then goes on without it.
+The grid runs in this process; then parts of it on a local Ray cluster of two workers, and in
+processes of their own.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from cfnav_core.published.start_states import read_episodes, write_episodes
 from cfnav_core.rooms import parse_room, room_folder
 from cfnav_core.scene import LIDAR, SCENE, SceneError
 from tests.core.benchmark.halls import make_halls
+from tests.core.benchmark.inline import in_this_process
 
 TABLES = ("I", "own")
 OF = "data2_mjolnir_{}_seed0_*"
@@ -44,14 +46,15 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> Benchmark:
     write_episodes(episodes / "data2_test.json", Episodes.draw(bank, 60, seed=1).freeze(bank), ())
     return Benchmark(
         TABLES, scenes, folder / "grid", seeds=1, preset="tiny", model=("mjolnir",), jobs=2,
-        ray="local", device="cpu", episodes=episodes,
+        device="cpu", episodes=episodes,
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def found(options: Benchmark) -> dict[str, dict[str, object]]:
     """Rows of the summary by name."""
-    run_benchmark(options, "cfnav benchmark I own")
+    with in_this_process():
+        run_benchmark(options, "cfnav benchmark I own")
     return rows_of(options)
 
 
@@ -141,13 +144,23 @@ def test_stage_one_was_trained_once(options: Benchmark, found) -> None:
     assert not (plain / "stage1.safetensors").exists()
 
 
+def test_a_ray_cluster_of_two_workers_makes_the_same_rows(
+    options: Benchmark, found, tmp_path
+) -> None:
+    run_benchmark(
+        replace(options, tables=("I",), out=tmp_path, ray="local"), "cfnav benchmark I own"
+    )
+    of_paper = {name: row for name, row in found.items() if row["table"] == "I"}
+    assert rows_of(replace(options, out=tmp_path)) == of_paper
+
+
 def test_going_on_does_what_is_missing_and_nothing_else(options: Benchmark, found) -> None:
     (ours,) = (options.out / "runs").glob(OF.format("ours"))
     (plain,) = (options.out / "runs").glob(OF.format("plain"))
     removed = next(plain.glob("*_own_*.npz"))
     removed.unlink()
     kept = {path: path.stat().st_mtime_ns for path in ours.iterdir()}
-    run_benchmark(replace(options, ray=""), "cfnav benchmark I own")
+    run_benchmark(options, "cfnav benchmark I own")
     assert removed.exists()
     assert {path: path.stat().st_mtime_ns for path in ours.iterdir()} == kept
     assert rows_of(options) == found
@@ -229,7 +242,7 @@ def test_recorded_results_give_the_same_tables(options: Benchmark, found, tmp_pa
     for kept in (*options.out.glob("random_*.npz"), options.out / "rooms.json"):
         shutil.copy(kept, copy)
     shutil.copy(options.out / "tests.json", copy)
-    again = replace(options, out=copy, ray="")
+    again = replace(options, out=copy)
     nowhere = tmp_path / "none"
     alone = replace(again, recorded=True, scenes=nowhere, episodes=nowhere, results=copy / "alone")
     for given in (again, alone):
@@ -256,7 +269,7 @@ def test_recorded_results_give_the_same_tables(options: Benchmark, found, tmp_pa
 def test_tenfold_goes_on_from_the_usual_stage_one_to_a_table_of_its_own(
     options: Benchmark, found, tmp_path
 ) -> None:
-    tenfold = replace(options, tables=("tenfold",), model=("tdanet",), ray="")
+    tenfold = replace(options, tables=("tenfold",), model=("tdanet",))
     run_benchmark(tenfold, "cfnav benchmark tenfold")
     rows = json.loads((options.out / "summary.json").read_text())["rows"]
     assert {row["row"]: row for row in rows if row["table"] != "tenfold"} == found
