@@ -66,7 +66,7 @@ class Robot:
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.probability, self.clearance, self.bumping = 0.1, 2.0, False
         self.encoding, self.silent, self.count = "bgr8", set(), 0
-        self.lock_step, self.free, self.newest = lock_step, True, {}
+        self.lock_step, self.free, self.answered, self.newest = lock_step, True, None, {}
         self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
         self.commands, self.pictures, self.feedback, self.frames = [], {}, [], set()
         self.decisions, self.statuses = [], []
@@ -108,6 +108,7 @@ class Robot:
             told = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             self.publishers["moment"] = node.create_publisher(Moment, "simulator/moment", told)
             node.create_subscription(MomentDone, "simulator/moment_done", self._on_done, told)
+            self.go_on = node.create_guard_condition(self._go_on)
         node.create_timer(0.002 if self.lock_step else PERIOD_S, self._step)
 
     def _on_velocity(self, message):
@@ -122,7 +123,13 @@ class Robot:
         self.tilt = message.data
 
     def _on_done(self, done):
-        self.free |= not done.idle and stamp_to_ns(done.stamp) == self.clock
+        if not done.idle:
+            self.answered = stamp_to_ns(done.stamp)
+            # Triggered, not called: the velocity that was sent before it is taken in first.
+            self.go_on.trigger()
+
+    def _go_on(self):
+        self.free |= self.answered == self.clock
 
     def put_back(self):
         """Begin anew, as at the start, with a new moment."""
