@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Runs the tests, or those in the given paths: first those without a ROS graph, side by side, then
-# those with one, alone, as they run in real time.
+# Runs the tests, or those in the given paths: first those without a ROS graph, on all cores, then
+# those with one, two at a time: they run in real time, and wait more than they compute.
 set -uo pipefail
 export CFNAV_REQUIRE_ROS=1
 
 none=5 # what pytest says when it found no test
 python -m pytest --numprocesses auto --maxprocesses 8 -m "not long and not ros" "$@"
 first=$?
-python -m pytest -m "not long and ros" "$@"
+python -m pytest --numprocesses 2 -m "not long and ros" "$@"
 second=$?
 [ "$first" -ne "$none" ] || first=$second
 [ "$second" -ne "$none" ] || second=$first
