@@ -343,7 +343,7 @@ class Episode:
         The clearance keeps its margin; ``guard_slack`` is only what the way is not known by.
         """
         limits, seen = self._limits, inputs.estimate
-        watched = limits.veto and limits.lidar and motion.advances
+        watched = limits.veto and motion.advances
         scanned = inputs.made("estimate")
         if not watched or scanned <= self._since:
             return

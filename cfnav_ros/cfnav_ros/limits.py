@@ -43,8 +43,9 @@ class EpisodeLimits:
     max_pushes: int = setting(8, "times that the base may move by itself in an episode", 1, 1000)
     p_hat: str = setting(
         "lidar",
-        "collision probability: lidar, own (the bundle's; no veto) or both (the larger); to study "
-        "what it does: zero, or shuffled (the LiDAR's of any decision so far)",
+        "collision probability: lidar, own (the bundle's; without LiDAR, so veto must be false) or "
+        "both (the larger); to study what it does: zero, or shuffled (the LiDAR's of any decision "
+        "so far)",
     )
     veto: bool = setting(True, "the LiDAR may forbid a MoveAhead", live=True)
     veto_probability: float = setting(0.5, "from which it does", 0.001, 1.0, live=True)
@@ -61,6 +62,11 @@ class EpisodeLimits:
         if self.p_hat not in ("lidar", "own", "both", "zero", "shuffled"):
             raise ValueError(
                 f"p_hat is {self.p_hat!r}, expected lidar, own, both, zero or shuffled."
+            )
+        if self.veto and not self.lidar:
+            raise ValueError(
+                "p_hat is 'own', which does without the LiDAR, and veto is true, which needs it: "
+                "set veto to false, or p_hat to lidar or both."
             )
         if not 0 < self.veto_probability <= 1:
             raise ValueError(
@@ -87,7 +93,7 @@ class EpisodeLimits:
 
     def forbids(self, estimate: Estimate) -> bool:
         """Whether the LiDAR's veto forbids a MoveAhead."""
-        if not (self.veto and self.lidar):
+        if not self.veto:
             return False
         return estimate.verdict is Verdict.BLIND or estimate.probability >= self.veto_probability
 

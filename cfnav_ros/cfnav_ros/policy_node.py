@@ -115,7 +115,7 @@ class PolicyNode(Node):
             "both": "the larger of collision/estimate and the bundle's own predictor",
             "zero": "nowhere (zero)", "shuffled": "collision/estimate of any decision so far",
         }[episode.p_hat]  # fmt: skip
-        veto = "on" if episode.lidar and episode.veto else "off"
+        veto = "on" if episode.veto else "off"
         seed = self._settings.sample_seed
         drawn = "" if seed < 0 else f", actions drawn with seed {seed}"
         self.get_logger().info(

@@ -150,7 +150,7 @@ def test_a_stall_ends_an_inferred_move_and_labels_it(bundle, tmp_path):
     rows = (EpisodeRow("", 0.0, 5.0, "Mug"),)
     found = judged(
         tmp_path / "bag", sorted(driven, key=lambda e: e.log_ns), bundle,
-        rows=rows, limits=EpisodeLimits(p_hat="own"),
+        rows=rows, limits=EpisodeLimits(p_hat="own", veto=False),
     )  # fmt: skip
     (only,) = found.drives
     (contact,) = only.contacts

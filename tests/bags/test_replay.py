@@ -89,7 +89,7 @@ def test_without_its_vetoed_decisions_it_is_not_the_same_policy(recorded, policy
 
 def test_a_drive_without_lidar_takes_the_bundles_own_predictor(bundle, policy):
     robot = RecordedRobot(seed=2)
-    robot.drive(Policy.load(bundle), "Mug", max_steps=15, p_hat="own")
+    robot.drive(Policy.load(bundle), "Mug", max_steps=15, p_hat="own", veto=False)
     steps = replay(robot.events, policy).steps
     assert reproduction(steps).equal == len(decisions(robot.events)) > 5
     assert [s.p_hat_rgb for s in steps] == [s.p_hat for s in steps]
@@ -320,7 +320,7 @@ def test_inferred_decisions_keep_the_live_rule_of_ages(recorded, policy):
 
 def test_inferred_decisions_without_a_lidar_take_the_bundles_own_predictor(recorded, policy):
     events = without(teleoperated(recorded[0]), lambda e: isinstance(e, LaserTurn))
-    limits = EpisodeLimits(p_hat="own")
+    limits = EpisodeLimits(p_hat="own", veto=False)
     run = replay(events, policy, infer=True, limits=limits)
     assert run.steps
     assert {s.estimate_ns for s in run.steps} == {0}
@@ -354,7 +354,8 @@ def test_a_bump_ends_an_inferred_move_and_labels_it(policy):
         if k == 36:
             pressed_ns = t
             events.append(Bumps(t_ns=t, log_ns=t, zones=("bump_front_center",)))
-    run = Replay({"restless": policy}, Estimates(), EpisodeLimits(p_hat="own"), infer=True)
+    limits = EpisodeLimits(p_hat="own", veto=False)
+    run = Replay({"restless": policy}, Estimates(), limits, infer=True)
     run.begin("Mug", 0)
     for event in events:
         run.see(event)

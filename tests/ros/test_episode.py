@@ -123,7 +123,7 @@ def test_without_lidar_the_policy_is_given_no_probability():
     robot.sense()
     robot.inputs = dataclasses.replace(robot.inputs, estimate=Inputs().estimate)
     robot.frozen = {"estimate"}
-    episode, policy = episode_of(Action.MoveAhead, Action.Done, p_hat="own")
+    episode, policy = episode_of(Action.MoveAhead, Action.Done, p_hat="own", veto=False)
     robot.run(episode)
     assert episode.outcome == "done"
     assert policy.seen == [None, None]

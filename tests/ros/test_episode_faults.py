@@ -279,3 +279,5 @@ def test_bad_limits_are_refused():
         ValueError, match="p_hat is 'rgb', expected lidar, own, both, zero or shuffled"
     ):
         EpisodeLimits(p_hat="rgb")
+    with pytest.raises(ValueError, match="p_hat is 'own', which does without the LiDAR, and veto"):
+        EpisodeLimits(p_hat="own")

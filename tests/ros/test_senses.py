@@ -28,7 +28,7 @@ def node(ros_domain_id):
 
 @pytest.mark.parametrize(("lidar", "tilt"), [(False, False), (True, False), (True, True)])
 def test_the_graph_is_asked_for_what_is_needed_and_has_not_come(node, lidar, tilt):
-    limits = EpisodeLimits(p_hat="lidar" if lidar else "own", has_tilt=tilt)
+    limits = EpisodeLimits(p_hat="lidar" if lidar else "own", veto=lidar, has_tilt=tilt)
     senses = Senses(node, PolicyParameters(episode=limits), lambda: None)
     senses.notice_base(BaseCheck())
     asked = {"frame", "odometry", *["estimate"] * lidar, *["tilt"] * tilt}
