@@ -72,11 +72,13 @@ class Learned:
     Attributes:
         name: of its row. seeds: curves of its runs.
         stage2_from: episodes when stage two begins, None where it is as stage one.
+        told: in training it is fed the true flag, in unseen rooms its own prediction.
     """
 
     name: str
     seeds: Sequence[Curve]
     stage2_from: int | None = None
+    told: bool = False
 
     @classmethod
     def read(cls, name: str, jobs: Sequence[Job], places: Places) -> Learned:
@@ -89,7 +91,7 @@ class Learned:
         begins = config.hyperparameters.stage1_episodes
         return cls(
             name, [Curve.read(job, places) for job in jobs],
-            begins if method.stage1 != method.stage2 else None,
+            begins if method.stage1 != method.stage2 else None, method.stage2.feed_truth,
         )  # fmt: skip
 
 
@@ -147,7 +149,13 @@ def gaps_as_markdown(curves: Sequence[Learned]) -> str:
             mean, std = over_seeds(ends)
             cells.append(spread(mean, std if len(of.seeds) > 1 else None))
         lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    page = "\n".join(lines) + "\n"
+    if told := [of.name for of in curves if of.told]:
+        page += (
+            f"\n{', '.join(told)}: fed the true flag in training rooms, its own prediction in "
+            "unseen ones, so that its gap is of this too.\n"
+        )
+    return page
 
 
 def _together(curves: Sequence[Curve], key: str) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from cfnav_core.benchmark.rows import ROWS
+from cfnav_core.benchmark.statistics import interval_of_seeds
 from cfnav_core.whole import write_file
 
 TABLES = ("I", "II", "III", "IV", "own", "tenfold", "listening")
@@ -18,6 +21,9 @@ TABLES = ("I", "II", "III", "IV", "own", "tenfold", "listening")
 SUMMARY = "summary.json"
 
 PLANNED = [(row.table, row.name, row.split) for row in ROWS]
+
+LONG = "episodes whose shortest way is five actions or more"
+"""In words; see ``Tested.long``."""
 
 ABLATED = ("zero", "shuffled", "true")
 """What ours is given in place of its own prediction to see what that is worth."""
@@ -36,8 +42,9 @@ class Figures:
         gain: mean CF-SR minus that of the row it is compared with, paired by seed and episode.
         gain_ci95: 95 % interval over seeds and rooms. gain_by_seed: its mean for each.
         over_own: mean CF-SR minus that of the same policies with their own p_hat, without veto.
+        over_vetoed: mean CF-SR minus that of plain under the same veto.
         ours_over: mean CF-SR of the paper's method minus that of this row.
-        long_cf_sr_mean, long_gain: over the episodes that take five actions or more.
+        long_cf_sr_mean, long_gain: over the episodes whose shortest way is five actions or more.
         command: that made the row.
         config_hash: of the runs' configuration, seed 0.
         commit: of the code that trained them. tested_at: of the code that tested or drove them.
@@ -76,6 +83,8 @@ class Figures:
     sr_gain_ci95: tuple[float, float] | None = None
     over_own: float | None = None
     over_own_ci95: tuple[float, float] | None = None
+    over_vetoed: float | None = None
+    over_vetoed_ci95: tuple[float, float] | None = None
     ours_over: float | None = None
     ours_over_ci95: tuple[float, float] | None = None
     touched_mean: float | None = None
@@ -121,8 +130,9 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
         return f"{page}\nCF-SPL is of metres here, of actions in the other tables.\n"
     if table == "I":
         page += "".join(f"\n{line}\n" for line in _mean_gains(rows))
+        page += _gains_by_seed(rows)
     if long := [row for row in rows if row.long_episodes]:
-        page += f"\nEpisodes that take five actions or more:\n\n{long_as_markdown(long)}"
+        page += f"\n{LONG.capitalize()}:\n\n{long_as_markdown(long)}"
     ours = {(r.config_hash, r.seeds, r.commit) for r in rows if r.method == "ours"}
     given = [
         r for r in kept
@@ -150,10 +160,31 @@ def _mean_gains(rows: Sequence[Figures]) -> list[str]:
             of = "1 model" if len(gains) == 1 else f"{len(gains)} models"
             lines.append(
                 f"Mean gain in CF-SR on {split}, {of} (seeds: {seeds}): {_signed(ours)} points, "
-                f"{_signed(long)} over episodes that take five actions or more; "
-                f"the paper's of the same models: {_signed(papers)}."
+                f"{_signed(long)} over {LONG}; the paper's of the same models: {_signed(papers)}."
             )
     return lines
+
+
+def _gains_by_seed(rows: Sequence[Figures]) -> str:
+    """How much training seeds differ; empty where no row has two.
+
+    A bootstrap over so few is too narrow, so Student's t stands beside it.
+    """
+    found = [row for row in rows if row.gain_by_seed and len(row.gain_by_seed) > 1]
+    if not found:
+        return ""
+    most = max(len(row.gain_by_seed or ()) for row in found)
+    lines = [
+        "\nGain in CF-SR of each training seed, and an interval by Student's t over these alone:\n",
+        "| data | row | " + "".join(f"seed {n} | " for n in range(most)) + "mean [95 %, t] |",
+        "|" + "---|" * (most + 3),
+    ]
+    for row in found:
+        gains = np.array(row.gain_by_seed)
+        cells = [_signed(gain) for gain in gains] + [""] * (most - len(gains))
+        cells.append(change(float(gains.mean()), interval_of_seeds(gains)))
+        lines.append("| " + " | ".join([row.split, row.row, *cells]) + " |")
+    return "\n".join(lines) + "\n"
 
 
 def read_summary(out: Path) -> list[Figures]:
@@ -212,6 +243,9 @@ def as_markdown(rows: Sequence[Figures]) -> str:
         "gain, paper": [_signed(r.paper_gain) for r in rows],
         "gain [95 %]": [change(r.gain, r.gain_ci95) for r in rows],
         "over own p_hat [95 %]": [change(r.over_own, r.over_own_ci95) for r in rows],
+        "over plain under the veto [95 %]": [
+            change(r.over_vetoed, r.over_vetoed_ci95) for r in rows
+        ],
         "ours minus it [95 %]": [change(r.ours_over, r.ours_over_ci95) for r in rows],
         "CF-SPL, paper": [spread(r.paper_cf_spl, r.paper_cf_spl_std) for r in rows],
         "CF-SPL": [spread(r.cf_spl_mean, r.cf_spl_std) for r in rows],

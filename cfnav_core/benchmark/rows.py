@@ -94,6 +94,14 @@ class Row:
         return replace(self, method=self.against, p_hat="own", veto=False, against=None, variant="")
 
     @property
+    def vetoed(self) -> Row | None:
+        """Plain under the same veto; None for plain, and without a veto."""
+        reference = self.reference
+        if reference is None or not self.veto or self.method == reference.method:
+            return None
+        return replace(reference, veto=True)
+
+    @property
     def rival(self) -> Row | None:
         """The paper's method, trained as long and acting alike.
 

@@ -134,7 +134,7 @@ def tests_of(rows: Sequence[Row], bench: Bench) -> list[Task]:
     """Every test that the rows need, each once."""
     wanted: dict[Task, None] = {}
     for row in rows:
-        for of in filter(None, (row, row.reference, row.itself, row.rival)):
+        for of in filter(None, (row, row.reference, row.itself, row.vetoed, row.rival)):
             for seed in bench.every_seed:
                 wanted[Task(bench.job(of, seed), bench.places, bench.test(of))] = None
     return list(wanted)

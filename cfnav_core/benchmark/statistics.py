@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import t
 
 SAMPLES = 10_000
 
@@ -44,6 +45,19 @@ def interval(difference: np.ndarray, rooms: np.ndarray, seed: int = 0) -> tuple[
     total = np.einsum("ns,sr,nr->n", of_seeds, sums, of_rooms, optimize=True)
     low, high = np.percentile(total / (seeds * (of_rooms @ count)), (2.5, 97.5))
     return float(low), float(high)
+
+
+def interval_of_seeds(means: np.ndarray) -> tuple[float, float]:
+    """95 % interval of a mean by Student's t over few seeds, as if rooms were all there are.
+
+    Args:
+        means: float [seeds], of each, two or more.
+
+    Returns:
+        Lower and upper bound.
+    """
+    half = t.ppf(0.975, len(means) - 1) * means.std(ddof=1) / np.sqrt(len(means))
+    return float(means.mean() - half), float(means.mean() + half)
 
 
 def interval_of_trials(

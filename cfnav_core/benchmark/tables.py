@@ -106,6 +106,9 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
     if row.itself:
         own = _differences(row, found, bench.tested(row.itself))
         compared |= {"over_own": own["gain"], "over_own_ci95": own["gain_ci95"]}
+    if row.vetoed:
+        plain = _differences(row, found, bench.tested(row.vetoed))
+        compared |= {"over_vetoed": plain["gain"], "over_vetoed_ci95": plain["gain_ci95"]}
     if row.reference:
         compared |= _differences(row, found, bench.tested(row.reference))
     if row.rival:

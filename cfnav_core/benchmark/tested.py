@@ -71,7 +71,7 @@ class Tested:
 
     @property
     def long(self) -> np.ndarray:
-        """Bool [N], episodes that take at least ``LONG_EPISODE`` actions."""
+        """Bool [N], episodes whose shortest way has at least ``LONG_EPISODE`` actions."""
         return self.shortest >= LONG_EPISODE
 
     @property

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cfnav_core.benchmark.statistics import interval, interval_of_trials, over_seeds
+from cfnav_core.benchmark.statistics import (
+    interval,
+    interval_of_seeds,
+    interval_of_trials,
+    over_seeds,
+)
 
 
 def test_mean_and_spread_are_of_the_seeds() -> None:
@@ -50,6 +55,15 @@ def test_the_interval_covers_the_truth_as_often_as_it_says() -> None:
         low, high = interval(seeds + of_rooms + rng.normal(0, 0.5, (8, 200)), rooms, seed=n)
         held += low <= 0 <= high
     assert 170 <= held <= 200
+
+
+def test_the_interval_of_few_seeds_covers_the_truth() -> None:
+    rng = np.random.default_rng(0)
+    held = 0
+    for _ in range(1000):
+        low, high = interval_of_seeds(rng.normal(0.1, 0.05, 4))
+        held += low <= 0.1 <= high
+    assert 930 <= held <= 970
 
 
 def test_the_interval_of_few_trials_in_fixed_rooms_is_no_point() -> None:
