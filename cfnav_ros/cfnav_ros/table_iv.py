@@ -234,7 +234,9 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     write_tables([_figures(config, way, driven) for way in ways], results)
     # of the last seed; the first goal in the first room, the second in the second, and so on
     first = {way.name: driven[way][-1][: 3 * len(GOALS) : 4] for way in PAPERS}
-    picture = draw_table_iv(first, config.out / "maps", PLACES)
+    trained = "" if config.schedule == "usual" else f", trained {config.schedule}"
+    title = f"One trial of each goal by training seed {config.seeds - 1}{trained}"
+    picture = draw_table_iv(first, config.out / "maps", PLACES, title)
     write_file(results / f"table_IV_{config.trials}{_trained(config)}.png", picture)
 
 

@@ -20,22 +20,22 @@ from cfnav_ros.bags.events import OccupancyMap
 from cfnav_ros.plot_theme import GREEN, LIGHT, ORANGE, PURPLE, png
 from cfnav_ros.trajectory_plot import HULL_RADIUS_M, draw_contact, draw_path, draw_room, merged
 
-END_M = 0.12
-"""Radius of the mark of the end, within that of the start where the robot never left it."""
+END_POINTS = 20.0
+"""Diameter of the ring around the end, so that it goes round a mark of collisions."""
 
 Places = Mapping[str, Sequence[tuple[float, float]]]
 """By goal: x and y of each, metres."""
 
 
-def _disc(fill: str, edge: str, label: str) -> Line2D:
-    return Line2D([], [], ls="", marker="o", ms=9, mfc=fill, mec=edge, label=label)
+def _disc(fill: str, edge: str, label: str, width: float = 1.0) -> Line2D:
+    return Line2D([], [], ls="", marker="o", ms=9, mfc=fill, mec=edge, mew=width, label=label)
 
 
 LEGEND = (
     _disc("none", LIGHT.ink, "start"),
     Line2D([], [], ls="", marker="*", ms=9, color=PURPLE, label="the goal"),
-    _disc(GREEN, GREEN, f"end: the goal in view within {VISIBLE_DISTANCE_M:g} m"),
-    _disc(ORANGE, ORANGE, "end: it was missed"),
+    _disc("none", GREEN, f"end: the goal in view within {VISIBLE_DISTANCE_M:g} m", 2.5),
+    _disc("none", ORANGE, "end: it was missed", 2.5),
     _disc(LIGHT.red, LIGHT.red, "collisions at one place, how many"),
     Line2D([], [], color=LIGHT.late, lw=3, label="path, light to dark in time"),
     Line2D([], [], ls="", marker="|", color="black", label="ticks: 1 m apart"),
@@ -43,14 +43,16 @@ LEGEND = (
 
 
 def draw_table_iv(
-    driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path, places: Mapping[str, Places]
-) -> bytes:
+    driven: Mapping[str, Sequence[dict[str, Any]]], maps: Path, places: Mapping[str, Places],
+    title: str,
+) -> bytes:  # fmt: skip
     """Draw a row of rooms for each method; returns a PNG file.
 
     Args:
         driven: trials by method, each as ``table_iv`` writes it, all methods the same trials.
         maps: folder of the rooms' maps.
         places: of the goals in each room.
+        title: above them all.
     """
     columns = max(len(trials) for trials in driven.values())
     with mpl.rc_context({"font.size": 8}):
@@ -61,6 +63,7 @@ def draw_table_iv(
                 room = trial["room"]
                 _draw(ax, trial, maps / f"{room.replace(':', '_')}.npz", places[room])
             axes[0].set_ylabel(name, fontsize=10)
+        figure.suptitle(title, fontsize=10)
         figure.legend(handles=LEGEND, loc="outside lower center", ncols=4, frameon=False)
         return png(figure)
 
@@ -77,13 +80,14 @@ def _draw(ax: Axes, trial: dict[str, Any], path: Path, places: Places) -> None:
     (x0, y0, _), (x1, y1, _) = track[0], track[-1]
     ax.add_patch(Circle((x0, y0), HULL_RADIUS_M, fill=False, color=LIGHT.ink, lw=1.5, zorder=5))
     colour = GREEN if trial["success"] else ORANGE
-    ax.add_patch(Circle((x1, y1), END_M, color=colour, zorder=4))
+    ax.plot(x1, y1, "o", ms=END_POINTS, mfc="none", mec=colour, mew=2.5, zorder=8)
     new = np.diff(track[:, 2], prepend=0)
     hits = [Contact(0, x, y, count=int(n)) for (x, y, _), n in zip(track, new, strict=True) if n]
     for contact in merged(hits):
         draw_contact(ax, contact, LIGHT)
     ended = "reached" if trial["success"] else "missed"
-    what = f"{ended}, collisions: {trial['collisions']}"
+    given_up = ", given up" if trial["outcome"] == "aborted" else ""
+    what = f"{ended}{given_up}, collisions: {trial['collisions']}"
     ax.set_title(f"{trial['goal']} in {trial['room']}\n{what}")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MultipleLocator(1.0))
