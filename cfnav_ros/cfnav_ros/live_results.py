@@ -20,6 +20,9 @@ from cfnav_ros.json_lines import read_rows
 from cfnav_ros.plan import Trial
 from cfnav_ros.trials import CONDITIONS, conditions_of
 
+COMPARED = tuple(name for name in CONDITIONS if name not in ("bundle", "networks"))
+"""Conditions under which two bundles can be compared."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -48,7 +51,7 @@ def live_results(trials: Path, against: Path | None = None) -> dict[str, Any]:
         return _summary(trials, first, list(first))
     second = _by_trial(against)
     ways = [_conditions(*one) for one in ((trials, first), (against, second))]
-    if any(ways[0][name] != ways[1][name] for name in CONDITIONS if name != "bundle"):
+    if any(ways[0][name] != ways[1][name] for name in COMPARED):
         raise ValueError(
             f"found {trials} run with {ways[0]}, but {against} with {ways[1]}; run both alike"
         )

@@ -8,14 +8,10 @@ no veto, as in the paper. Rows of our own follow.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cache
-from importlib.util import find_spec
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,13 +20,14 @@ import tyro
 
 from cfnav_core.benchmark.jobs import Job
 from cfnav_core.benchmark.pages import Figures, write_tables
-from cfnav_core.benchmark.rows import Schedule
+from cfnav_core.benchmark.rows import DRIVEN, Schedule
 from cfnav_core.benchmark.statistics import interval_of_trials, over_seeds
 from cfnav_core.bundle import BundleError, BundleHead
 from cfnav_core.locks import locked
-from cfnav_core.source import commit, source_identity
-from cfnav_core.whole import write_file
+from cfnav_core.source import commit
+from cfnav_core.whole import whole, write_file, writing
 from cfnav_ros.demo import run_trial
+from cfnav_ros.identities import identity_of, world_source
 from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.plan import Trial
 from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROWS, TRIALS, Way, trials_of
@@ -40,7 +37,7 @@ from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROWS, TRIALS, Way, tr
 class TableIV:
     """Drive Table IV: 15 trials a method as in the paper, or more over several training seeds."""
 
-    bundles: Path = Path("out/grid/bundles")
+    bundles: Path = Path("out/paper/bundles")
     """Folder of bundles METHOD_seedN, or METHOD_SCHEDULE_seedN where it is not the usual one: of
     plain, reward_only, stage_only, ours and truth."""
     schedule: Schedule = "usual"
@@ -54,7 +51,7 @@ class TableIV:
     LiDAR's p_hat; or also drawn actions, the larger of LiDAR and RGB, veto, no visual shift."""
     only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Only these rows, by the method's name, given as often as needed; writes no table."""
-    out: Path = Path("out/trials")
+    out: Path = Path("out/paper/trials")
     """Folder of what was driven; episodes in it are not driven again."""
     results: Path | None = None
     """Folder of the tables and figures; that of what was driven when absent."""
@@ -133,10 +130,13 @@ def _check_training(bundle: Path, way: Way, seed: int, schedule: Schedule) -> No
         BundleError: it is of another.
     """
     job = Job.of(BundleHead.load(bundle).training)
-    if job and job.config != replace(job, method=way.method, seed=seed, schedule=schedule).config:
+    if job is None:
+        return
+    model, split = DRIVEN
+    asked = Job(model, way.method, split, seed, job.preset, job.perception, schedule)
+    if (job.split, job.config) != (split, asked.config):
         raise BundleError(
-            f"found the bundle of {job.title} in {bundle}, expected {way.method}, {schedule}, of "
-            f"seed {seed}; export that run"
+            f"found the bundle of {job.title} in {bundle}, expected {asked.title}; export that run"
         )
 
 
@@ -173,12 +173,6 @@ def _drive(config: TableIV, way: Way, seed: int) -> None:
             append_row(path, {"trial": asdict(trial), **said, **asdict(outcome), "track": track})
 
 
-def identity_of(bundle: Path) -> str:
-    """Of a bundle: hash of all its networks and their weights."""
-    files = json.dumps(BundleHead.load(bundle).files, sort_keys=True)
-    return hashlib.sha256(files.encode()).hexdigest()[:16]
-
-
 def run_of(bundle: Path) -> dict[str, str]:
     """The training run that a bundle came from.
 
@@ -193,21 +187,6 @@ def run_of(bundle: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-@cache
-def world_source() -> str:
-    """Identity of the simulator: its rooms, its robot, their noise, light and lens.
-
-    Raises:
-        OSError: it is not installed.
-    """
-    found = find_spec("sim_bridge")
-    if found is None or found.origin is None:
-        raise OSError("found no sim_bridge; Table IV is driven in it: run make setup")
-    files = Path(found.origin).parent.glob("*.py")
-    # How a process starts and ends is not part of its world.
-    return source_identity(sorted(f for f in files if f.name != "mock_turtlebot4.py"))
-
-
 def _keep_map(out: Path, room: str, message: Any) -> None:
     """Keep the map of a room, for the figure."""
     path = out / "maps" / f"{room.replace(':', '_')}.npz"
@@ -215,7 +194,8 @@ def _keep_map(out: Path, room: str, message: Any) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         info = message.info
         cells = np.array(message.data, np.int8).reshape(info.height, info.width)
-        np.savez_compressed(path, occupied=cells > 0, resolution=info.resolution)
+        with writing(path), whole(path) as partial, partial.open("wb") as file:
+            np.savez_compressed(file, occupied=cells > 0, resolution=info.resolution)
 
 
 def _write(config: TableIV, ways: Sequence[Way]) -> None:
@@ -272,7 +252,7 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     cf_sr, spl = over_seeds(cf_success), over_seeds(cf_spl)
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
     return Figures(
-        table="IV", row=way.name, model="tdanet", method=way.method,
+        table="IV", row=way.name, model=DRIVEN[0], method=way.method,
         split=f"{config.trials} live trials{_trained(config, ', ')}",
         p_hat=way.p_hat, veto=way.veto, sample=way.sample, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),

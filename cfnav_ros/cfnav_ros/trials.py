@@ -6,15 +6,19 @@ bag; the outcome is the simulator's own. ``table-iv`` instead drives the paper's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
+from cfnav_core.bundle import find_bundle
+from cfnav_core.locks import locked
 from cfnav_core.source import commit
 from cfnav_ros import table_iv
 from cfnav_ros.demo import DemoConfig, known_goals, run_to_exit, run_trials
+from cfnav_ros.identities import identity_of, world_source
 from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.outcome import Outcome, figures
 from cfnav_ros.plan import Trial, parse_list
@@ -26,10 +30,13 @@ TEST_ROOMS = ",".join(
     for kind in ("kitchen", "living_room", "bedroom", "bathroom")
 )
 
-CONDITIONS = ("bundle", "speed", "veto", "lock_step", "camera")
-"""What each line repeats, and what all lines of a file must share."""
+CONDITIONS = (
+    "bundle", "networks", "speed", "veto", "lock_step", "camera", "max_steps", "world"
+)  # fmt: skip
+"""What each line repeats, and what all lines of a file must share: as asked for, and the identities
+of the bundle's networks and of the simulator, which change under one name."""
 
-UNSAID = {"camera": "mast"}
+UNSAID = {"camera": "mast", "max_steps": 0}
 """What held for lines that were written before this was a condition."""
 
 
@@ -61,12 +68,21 @@ def run(config: TrialsConfig) -> list[Outcome]:
         GraphError: the graph did not run.
         OSError: the file of results cannot be read or written, or holds other trials.
     """
+    known = known_goals(config)
+    config.out.parent.mkdir(parents=True, exist_ok=True)
+    with locked(config.out.with_suffix(".lock")):
+        return _run(config, known)
+
+
+def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     # Here, so that the command answers at once to --help and to arguments that make no sense.
     from cfnav_ros.graph import Graph, GraphConfig
 
-    known = known_goals(config)
     rows = read_rows(config.out)
-    asked = {**asdict(config), "bundle": str(config.bundle or "shipped")}
+    asked = {
+        **asdict(config), "bundle": str(config.bundle or "shipped"),
+        "networks": identity_of(find_bundle(config.bundle)), "world": world_source(),
+    }  # fmt: skip
     conditions = {name: asked[name] for name in CONDITIONS}
     for row in rows:
         found = conditions_of(row)

@@ -197,5 +197,6 @@ def test_trials_go_on_where_they_stopped_and_repeat_themselves(
     again = run(*mine, "--episodes", "1")[0]
     assert again.pop("path_length_m") == pytest.approx(first[0]["path_length_m"], abs=1e-9)
     assert again.items() <= first[0].items()
-    other = start_process("cfnav_ros.trials", *fixed, "--bundle", str(tmp_path / "other"))
-    assert other.wait() == 1
+    other = start_process("cfnav_ros.trials", *fixed, *mine, "--max-steps", "9")
+    assert other.wait(LONG_S) == 1
+    assert "trials.jsonl holds episodes run with" in other.output

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cfnav_ros.identities import identity_of, world_source
 from cfnav_ros.json_lines import append_row
-from cfnav_ros.table_iv import TableIV, identity_of, run, run_of, world_source
+from cfnav_ros.table_iv import TableIV, run, run_of
 from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROOMS, WAYS, trials_of
 from PIL import Image
 from sim_bridge.camera import Camera
@@ -68,12 +69,12 @@ def put_bundle(place: Path, actions: list[Action]) -> None:
     shutil.copytree(made, place)
 
 
-def _driven(path: Path, config: TableIV, method: str, successes: int) -> None:
+def _driven(path: Path, config: TableIV, method: str, successes: int, seed: int = 0) -> None:
     """Write down fifteen trials as if they had been driven."""
-    bundle = config.bundles / f"{method}_seed0"
+    bundle = config.bundles / f"{method}_seed{seed}"
     said = {"bundle": identity_of(bundle), "run": run_of(bundle), "commit": "abc"}
     said["world"] = world_source()
-    for n, trial in enumerate(trials_of(15, 0)):
+    for n, trial in enumerate(trials_of(15, seed)):
         good = n < successes
         outcome = "done" if good or n % 2 else "aborted"
         append_row(path, {
@@ -153,6 +154,35 @@ def test_a_bundle_of_another_training_is_refused(bundles: Path, tmp_path: Path) 
         shutil.copytree(bundles / "plain_seed0", bundles / f"{name}_seed0")
         with pytest.raises(BundleError, match=f"found the bundle of {job.title} in .*{name}_seed0"):
             run(replace(config, only=(method,)))
+    config = TableIV(bundles, rows="paper", out=tmp_path, only=("plain",))
+    for other in (replace(job, model="lstde", split="data1"), replace(job, variant="listening")):
+        about["training"] |= {
+            "config": asdict(other.config), "train_rooms": [f"{other.split}:train"],
+        }  # fmt: skip
+        head.write_text(json.dumps(about))
+        with pytest.raises(BundleError, match=f"{other.title} in .*, expected {job.title}; export"):
+            run(config)
+
+
+def test_seeds_share_the_trials(bundles: Path, tmp_path: Path) -> None:
+    config = TableIV(bundles=bundles, rows="paper", out=tmp_path / "out", trials=30, seeds=2)
+    (config.out / "maps").mkdir(parents=True)
+    for room in ROOMS:
+        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
+        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+    for method, found in zip(METHODS, ((3, 6), (3, 3), (6, 9), (9, 15)), strict=True):
+        shutil.copytree(bundles / f"{method}_seed0", bundles / f"{method}_seed1")
+        for seed, successes in enumerate(found):
+            path = config.out / f"{method}_seed{seed}_15.jsonl"
+            _driven(path, config, method, successes, seed)
+    run(config)
+    rows = json.loads((config.out / "summary.json").read_text())["rows"]
+    assert [(row["seeds"], row["episodes"]) for row in rows] == [(2, 15)] * 4
+    assert [row["cf_sr_mean"] for row in rows] == [pytest.approx(x) for x in (0.3, 0.2, 0.5, 0.8)]
+    assert rows[3]["cf_sr_std"] == pytest.approx(np.std([0.6, 1.0], ddof=1))
+    assert rows[3]["gain_by_seed"] == [pytest.approx(0.4), pytest.approx(0.6)]
+    assert rows[3]["gain"] == pytest.approx(0.5)
+    assert (config.out / "table_IV_30.png").exists()
 
 
 def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:
