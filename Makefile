@@ -52,5 +52,5 @@ train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 reproduce: setup-test ## Remake the paper's tables and figures from nothing (days on two cores); goes on where it stopped
 	@$(ENV) exec scripts/reproduce.sh
 
-clean: ## Remove everything that was built
-	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log out build dist .pytest_cache .ruff_cache .mypy_cache
+clean: ## Remove what set-up and checks made; out/ with its results stays
+	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log build dist .pytest_cache .ruff_cache .mypy_cache

@@ -40,8 +40,8 @@ python -m cfnav_core.benchmark.shift_study --scenes "$out/rooms" "${looks[@]}" \
 
 bundle() { # METHOD, or METHOD_tenfold; SEED
   local folder weights
-  folder=$(awk -F, -v run="data2_tdanet_$1_seed$2_" 'index($1, run) == 1 {of = $1} END {print of}' \
-    "$results/runs.csv")
+  folder=$(awk -F, -v run="data2_tdanet_$1_seed$2_" -v preset="$preset" \
+    'index($1, run) == 1 && $2 == preset {print $1}' "$results/runs.csv")
   weights=$out/grid/runs/$folder/best.safetensors
   # absent where results were unpacked: their trials are in them
   if [ -f "$weights" ]; then
@@ -71,10 +71,12 @@ fi
 for ((seed = 0; seed < seeds; seed++)); do
   (
     cd "$out"
+    shopt -s nullglob # tables that were not asked for have no files
     find grid/{rooms,tests,looks}.json grid/runs/*_seed"${seed}"_* grid/random_"${seed}"_* \
       grid/p_hat/tests/*_seed"${seed}"_* trials/maps trials/*_seed"${seed}"_*.jsonl -type f \
       ! -name '*.safetensors' ! -name '*.steps.npz' ! -name '*.task.json' ! -name '*.lock' \
       ! -name '*.log' ! -name 'events.out.*' -print | sort
   ) | tar -C "$out" --files-from=- --mtime=@0 --owner=0 --group=0 --numeric-owner -c \
-    | gzip -n > "$results/seed$seed.tar.gz"
+    | gzip -n > "$results/seed$seed.tar.gz.partial"
+  mv "$results/seed$seed.tar.gz.partial" "$results/seed$seed.tar.gz"
 done

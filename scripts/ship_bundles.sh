@@ -11,7 +11,7 @@ out=${OUT:-out/paper}
 results=${RESULTS:-$out/results}
 perception=cfnav_core/bundles/default/perception.onnx
 
-best=$(python -m cfnav_core.benchmark.best "$results" "$out/grid")
+best=$(python -m cfnav_core.benchmark.best --results "$results" --grid "$out/grid")
 while read -r model split run plain; do
   [ -n "$model" ] || continue # none is at hand
   metrics=$out/metrics_$model.json

@@ -129,11 +129,16 @@ def install_missing(run: Callable[[Sequence[str], str], None], tell: Callable[[s
     packages = list(dict.fromkeys(need.package for need in missing))
     tell(f"System packages through apt: {' '.join(packages)}")
     apt = [*prefix, "env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-q"]
-    run([*apt, "update"], "apt-get update failed")
-    run(
-        [*apt, "install", "-y", "--no-install-recommends", *packages],
-        "apt-get install failed. " + how_to_install(missing),
-    )
+    try:
+        run([*apt, "update"], "apt-get update failed")
+        run(
+            [*apt, "install", "-y", "--no-install-recommends", *packages],
+            "apt-get install failed. " + how_to_install(missing),
+        )
+    except SetupError as error:
+        if required:
+            raise
+        tell(f"It goes on without them, as they are not required: {error}")
     still = [need for need in required if not need.present()]
     if still:
         raise SetupError(how_to_install(still))

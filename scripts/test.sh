@@ -7,6 +7,7 @@ export CFNAV_REQUIRE_ROS=1
 none=5 # what pytest says when it found no test
 python -m pytest --numprocesses auto --maxprocesses 8 -m "not long and not ros" "$@"
 first=$?
+[ "$first" -ne 2 ] || exit 2 # interrupted
 python -m pytest --numprocesses 2 -m "not long and ros" "$@"
 second=$?
 [ "$first" -ne "$none" ] || first=$second

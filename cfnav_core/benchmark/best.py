@@ -1,4 +1,4 @@
-"""Which run of each model is shipped: ``python -m cfnav_core.benchmark.best RESULTS GRID``.
+"""Which run of each model is shipped: ``python -m cfnav_core.benchmark.best``.
 
 It is of the configuration of ours that reached the highest CF-SR in validation rooms, its seeds
 averaged. Of its runs it is the best one whose weights are in the grid, with those of plain beside
@@ -11,9 +11,13 @@ import csv
 import re
 import sys
 from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 
+import tyro
+
+from cfnav_core.benchmark.presets import PresetName
 from cfnav_core.benchmark.runs import RUNS
 from cfnav_core.run_files import BEST
 
@@ -69,16 +73,29 @@ def _without_seed(run: str) -> str:
     return re.sub(r"_seed\d+$", "", _without_hash(run))
 
 
-def main() -> int:
+@dataclass(frozen=True)
+class Best:
     """Print model, split, run and plain run of each model, a line each.
 
     Models of which no pair is at hand are named on stderr.
     """
-    results, grid = map(Path, sys.argv[1:3])
+
+    results: Path = Path("out/paper/results")
+    """Folder with runs.csv (cfnav benchmark)."""
+    grid: Path = Path("out/paper/grid")
+    """Folder of the runs with their weights."""
+    preset: PresetName = "small"
+    """Of the runs."""
+
+
+def main() -> int:
+    """See ``Best``: 0, or 2 with a sentence."""
+    options = tyro.cli(Best, prog="best")
+    grid = options.grid
     here = {path.parent.name for path in grid.glob(f"runs/*/{BEST}")}
     try:
-        lines = (results / RUNS).read_text().splitlines()
-        found = best_runs(csv.DictReader(lines), here)
+        lines = csv.DictReader((options.results / RUNS).read_text().splitlines())
+        found = best_runs((line for line in lines if line["preset"] == options.preset), here)
     except (OSError, ValueError) as error:
         print(f"best: {error}", file=sys.stderr)
         return 2

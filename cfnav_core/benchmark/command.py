@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import signal
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +20,7 @@ TableName = Literal["I", "II", "III", "own", "tenfold", "listening"]
 class Benchmark:
     """Make the paper's tables: train what is missing, test it, put the paper's rows beside (torch).
 
-    For example: cfnav benchmark I II III --scenes out/rooms --out out/grid
+    For example: cfnav benchmark I II III --seeds 2
 
     Run it again to go on after a kill. Test rooms are looked at when every run is trained.
     """
@@ -29,9 +28,9 @@ class Benchmark:
     tables: Annotated[tuple[TableName, ...], tyro.conf.Positional] = ("I", "II", "III", "own")
     """Tables of the paper, rows of our own, what ten times as many episodes make of TDANet and
     L-sTDE, and what a p_hat that has a straight way to the choice makes of TDANet."""
-    scenes: Path = Path("out/rooms")
-    """All built-in rooms (python -m sim_bridge.dataset --out out/rooms)."""
-    out: Path = Path("out/grid")
+    scenes: Path = Path("out/paper/rooms")
+    """All built-in rooms (python -m sim_bridge.dataset --out out/paper/rooms)."""
+    out: Path = Path("out/paper/grid")
     """Folder of the runs and the results."""
     results: Path | None = None
     """Folder of the summary, the tables and the figures; the grid's when absent."""
@@ -63,8 +62,8 @@ class Benchmark:
             ValueError: there is no such row, or tasks failed; one sentence.
         """
         # a robot has no torch, so it is imported only here
+        from cfnav_core.benchmark.grid import ended_by_signals
         from cfnav_core.benchmark.run import run_benchmark
 
-        # a plain SIGTERM would leave the tasks behind
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-        run_benchmark(self, shlex.join(["cfnav", *sys.argv[1:]]))
+        with ended_by_signals():
+            run_benchmark(self, shlex.join(["cfnav", *sys.argv[1:]]))

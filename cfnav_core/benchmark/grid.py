@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,7 +20,7 @@ from cfnav_core.run_files import LOG
 POLL_S = 0.5
 
 
-class GridError(RuntimeError):
+class GridError(ValueError):
     """Some tasks could not be done; the text is one sentence."""
 
 
@@ -87,7 +89,8 @@ def run_tasks(tasks: Sequence[Task], executor: Executor) -> None:
             will never be there; nothing has been done.
     """
     waiting = [task for task in tasks if not task.result.exists()]
-    if stuck := next(filter(None, (task.stuck for task in waiting)), ""):
+    trained = {task.folder for task in waiting if not task.test}
+    if stuck := next(filter(None, (task.stuck(trained) for task in waiting)), ""):
         raise GridError(stuck)
     running: dict[Task, Any] = {}
     failed: list[Task] = []
@@ -122,6 +125,19 @@ def run_tasks(tasks: Sequence[Task], executor: Executor) -> None:
             f"{len(failed)} tasks failed and {len(waiting)} wait for such, the first is "
             f"{first.name}; see {first.result.with_suffix('.log')}, then run the same command again"
         )
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """SIGTERM and Ctrl-C end the program with 130, and its tasks with it.
+
+    A plain SIGTERM would leave the tasks behind.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 class _Lines:

@@ -78,7 +78,11 @@ class Job:
 
     @property
     def hash(self) -> str:
-        """First 12 hex digits of the hash of everything that decides its numbers but the code."""
+        """First 12 hex digits of the hash of what decides its numbers.
+
+        Code, device and precision are left out: the commit stands beside the results, and a grid is
+        trained on machines of one kind.
+        """
         about = {
             "run": asdict(self.config), "split": self.split, "perception": self.perception,
             "validations": [self.validations, PRESETS[self.preset].validation_episodes],

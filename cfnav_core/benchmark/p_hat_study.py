@@ -24,12 +24,12 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from cfnav_core.benchmark.grid import GridError, Local, run_tasks
+from cfnav_core.benchmark.grid import Local, ended_by_signals, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.pages import change, spread
 from cfnav_core.benchmark.presets import PresetName
 from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split, Variant
-from cfnav_core.benchmark.stamps import Made, identity_of_rooms
+from cfnav_core.benchmark.stamps import Made, check_rooms, identity_of_rooms
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.tested import Tested, save
 from cfnav_core.benchmark.work import Task
@@ -177,11 +177,12 @@ def _train(jobs: Sequence[Job], places: Places, study: Study) -> None:
                 f"found no trained run {task.job.title} with its weights in {study.grid}; run "
                 "cfnav benchmark there first"
             )
-    sources = [Task(job.stage1, places) for job in jobs if job.variant and job.stage1]
-    try:
-        run_tasks([*sources, *(task for task in tasks if task.job.variant)], Local(study.jobs))
-    except GridError as error:
-        raise ValueError(str(error)) from error
+    variants = [task for task in tasks if task.job.variant]
+    missing = [task for task in variants if not task.result.exists()]
+    if missing:
+        check_rooms(places, tuple(dict.fromkeys(task.job.split for task in missing)))
+    sources = [Task(task.job.stage1, places) for task in variants if task.job.stage1]
+    run_tasks([*sources, *variants], Local(study.jobs))
 
 
 def _lines(
@@ -275,7 +276,8 @@ def as_markdown(lines: Sequence[Line]) -> str:
 def main() -> None:
     """Entry point; what was found wrong is one sentence."""
     try:
-        run(tyro.cli(Study, prog="p_hat_study"))
+        with ended_by_signals():
+            run(tyro.cli(Study, prog="p_hat_study"))
     except (ValueError, OSError) as error:
         sys.exit(f"p_hat_study: {error}")
 

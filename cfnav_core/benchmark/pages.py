@@ -249,10 +249,10 @@ def as_markdown(rows: Sequence[Figures]) -> str:
         "ours minus it [95 %]": [change(r.ours_over, r.ours_over_ci95) for r in rows],
         "CF-SPL, paper": [spread(r.paper_cf_spl, r.paper_cf_spl_std) for r in rows],
         "CF-SPL": [spread(r.cf_spl_mean, r.cf_spl_std) for r in rows],
-        "SR": [_percent(r.sr_mean) for r in rows],
+        "SR": [percent(r.sr_mean) for r in rows],
         "SR gain [95 %]": [change(r.sr_gain, r.sr_gain_ci95) for r in rows],
-        "touched": [_percent(r.touched_mean) for r in rows],
-        "aborted": [_percent(r.aborted_mean) for r in rows],
+        "touched": [percent(r.touched_mean) for r in rows],
+        "aborted": [percent(r.aborted_mean) for r in rows],
         "collisions per episode": [f"{r.collisions_mean:.2f}" for r in rows],
         "seeds": [_seeds(r) for r in rows],
     }
@@ -269,14 +269,15 @@ def long_as_markdown(rows: Sequence[Figures]) -> str:
     """The same rows over the longer episodes, percent."""
     lines = ["| data | row | episodes a seed | CF-SR | gain [95 %] |", "|" + "---|" * 5]
     lines += [
-        f"| {r.split} | {r.row} | {r.long_episodes:,} | {_percent(r.long_cf_sr_mean)} "
+        f"| {r.split} | {r.row} | {r.long_episodes:,} | {percent(r.long_cf_sr_mean)} "
         f"| {change(r.long_gain, r.long_gain_ci95)} |"
         for r in rows
     ]
     return "\n".join(lines) + "\n"
 
 
-def _percent(value: float | None) -> str:
+def percent(value: float | None) -> str:
+    """A share as percent; empty when there is none."""
     return "" if value is None else f"{100 * value:.1f}"
 
 
@@ -286,7 +287,7 @@ def _signed(value: float | None) -> str:
 
 def spread(mean: float | None, std: float | None) -> str:
     """A share as percent, with its standard deviation over seeds unless there is only one."""
-    return _percent(mean) + ("" if std is None else f" ± {100 * std:.1f}")
+    return percent(mean) + ("" if std is None else f" ± {100 * std:.1f}")
 
 
 def change(gain: float | None, ends: tuple[float, float] | None) -> str:

@@ -54,24 +54,35 @@ class Quality:
     seeds: int = 1
 
 
-def judge_predictors(rows: Sequence[Row], bench: Bench, results: Path) -> None:
-    """Write and print how good the probabilities are that ours was given, of every training.
+def judge_predictors(rows: Sequence[Row], bench: Bench) -> list[Quality]:
+    """How good the probabilities are that ours was given, of every training.
 
     The LiDAR's are judged beside them where the test rooms were scanned.
 
     Args:
         rows: tested ones.
         bench: where they are.
-        results: folder that gets ``predictor.json`` and ``predictor.md``.
 
     Raises:
-        ValueError: a run was not tested yet.
-        WriteError: the results cannot be written.
+        ValueError: a run was not tested yet, or its steps were not kept.
     """
     found: list[Quality] = []
     for row in rows:
         if row.method == "ours" and row.table in JUDGED and not (row.itself or row.sample):
             found += over_runs(judged(row, bench))
+    return found
+
+
+def write_qualities(found: Sequence[Quality], results: Path) -> None:
+    """Write and print qualities, beside those of other runs that are there.
+
+    Args:
+        found: of the probabilities.
+        results: folder that gets ``predictor.json`` and ``predictor.md``.
+
+    Raises:
+        WriteError: the results cannot be written.
+    """
     if not found:
         return
     path = results / "predictor.json"
@@ -89,8 +100,7 @@ def judged(row: Row, bench: Bench) -> list[list[Quality]]:
     Kept beside a run's results, as its steps are large.
 
     Raises:
-        ValueError: a run was not tested yet.
-        FileNotFoundError: its steps were not kept, and they were not judged before.
+        ValueError: a run was not tested yet, or its steps were not kept and not judged before.
     """
     scanned = f"{row.split} {LIDAR}" in bench.made.tests
     of = bench.frozen(row.split, "lidar" if scanned else "own").made_of

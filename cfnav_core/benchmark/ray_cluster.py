@@ -17,10 +17,15 @@ class RayCluster:
         """Join a cluster; "local" starts one on this machine, of as many workers as ``jobs``.
 
         Raises:
-            ModuleNotFoundError: Ray is not installed.
+            ValueError: Ray is not installed.
             ConnectionError: there is no cluster at the address.
         """
-        import ray
+        try:
+            import ray
+        except ModuleNotFoundError as error:
+            raise ValueError(
+                f"found no Ray ({error}); install it with pip install 'cfnav[cluster]'"
+            ) from error
 
         self._ray = ray
         ray.init(

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from cfnav_core.benchmark.command import Benchmark
 from cfnav_core.benchmark.curves import Learned, draw_curves, gaps_as_markdown
-from cfnav_core.benchmark.grid import Executor, GridError, Local, run_tasks
+from cfnav_core.benchmark.grid import Executor, Local, run_tasks
 from cfnav_core.benchmark.jobs import Job, Places, jobs_of
-from cfnav_core.benchmark.pages import Figures, write_tables
+from cfnav_core.benchmark.pages import write_tables
 from cfnav_core.benchmark.paths import draw_paths, find_pairs
-from cfnav_core.benchmark.predictor import judge_predictors
+from cfnav_core.benchmark.predictor import judge_predictors, write_qualities
 from cfnav_core.benchmark.rows import NAMES, ROWS, STUDIED, Row, Split
 from cfnav_core.benchmark.runs import Trained, write_runs
 from cfnav_core.benchmark.stamps import Made, check_rooms
@@ -31,15 +31,12 @@ PATHS = 3
 """Episodes in the path figure."""
 
 
-def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
+def run_benchmark(options: Benchmark, command: str) -> None:
     """Train what is missing, then test it, then write and print the tables.
 
     Args:
         options: of the command line.
         command: as it was given, for the results.
-
-    Returns:
-        The rows; none when only training was asked for.
 
     Raises:
         ValueError: there is no such row, or tasks failed; one sentence.
@@ -54,19 +51,19 @@ def run_benchmark(options: Benchmark, command: str) -> list[Figures]:
     if not options.recorded:
         _train_and_test(options, jobs, rows, bench)
     if options.train_only:
-        return []
+        return
     found = [figures_of(row, bench, ROWS) for row in rows]
     if "own" in options.tables:
         found += [figures_of_chance(split, bench) for split in splits]
     trained = [Trained.read(job, places) for job in jobs]  # a missing one is said before any table
+    qualities = judge_predictors(rows, bench)
     results = options.results or places.out
     write_tables(found, results)
     papers = [row for row in rows if row.table in PAPER]
     of_paper = jobs_of(papers, options.seeds, options.preset, made.perception)
     write_runs(trained, {job.hash for job in of_paper}, results)
-    judge_predictors(rows, bench, results)
+    write_qualities(qualities, results)
     draw_figures(rows, bench, results)
-    return found
 
 
 def _chosen(options: Benchmark) -> list[Row]:
@@ -115,8 +112,6 @@ def _train_and_test(
         )
         if not options.train_only:
             run_tasks(tests_of(rows, bench), executor)
-    except GridError as error:
-        raise ValueError(str(error)) from error
     finally:
         executor.close()
 

@@ -22,7 +22,8 @@ class Trained:
     """One run.
 
     Attributes:
-        run: name of its folder. config_hash: of its configuration. commit: of the code.
+        run: name of its folder. preset: of sizes and numbers.
+        config_hash: of its configuration. commit: of the code.
         episodes, steps: that it trained, with the stage one that it goes on from.
         cpu_s: processor seconds of its own part, validations included.
         sr, cf_sr: of training, over its last episodes.
@@ -30,6 +31,7 @@ class Trained:
     """
 
     run: str
+    preset: str
     split: str
     model: str
     method: str
@@ -60,7 +62,8 @@ class Trained:
         last = json.loads((folder / LOG).read_text().splitlines()[-1])
         done = json.loads((folder / DONE).read_text())
         return cls(
-            job.name, job.split, job.model, job.trained_as, job.seed, job.hash, done["commit"],
+            job.name, job.preset, job.split, job.model, job.trained_as, job.seed, job.hash,
+            done["commit"],
             last["episodes"], last["steps"], round(last["cpu_s"]),
             round(last["sr"], 4), round(last["cf_sr"], 4), round(done["validation_cf_sr"], 4),
         )  # fmt: skip
@@ -68,6 +71,8 @@ class Trained:
 
 def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) -> None:
     """Write a line for each run beside those of other runs, and print what these took.
+
+    A run takes the place of one of the same preset and title with another configuration.
 
     Args:
         found: the runs.
@@ -79,8 +84,9 @@ def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) ->
     """
     path = out / RUNS
     kept = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
-    made = {run.config_hash for run in found}
-    rows = [row for row in kept if row["config_hash"] not in made] + [*map(asdict, found)]
+    made = {(run.preset, _title(run.run)) for run in found}
+    rows = [row for row in kept if (row["preset"], _title(row["run"])) not in made]
+    rows += map(asdict, found)
     text = io.StringIO()
     table = csv.DictWriter(text, list(asdict(found[0])), lineterminator="\n")
     table.writeheader()
@@ -91,6 +97,10 @@ def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) ->
     if of_tables:
         said += f", the {len(of_tables)} of the paper's tables {_hours(of_tables):.1f}"
     print(f"{said} ({path})\n")
+
+
+def _title(run: str) -> str:
+    return run.rpartition("_")[0]
 
 
 def _hours(runs: Sequence[Trained]) -> float:

@@ -23,9 +23,9 @@ import tyro
 from matplotlib.figure import Figure
 
 from cfnav_core.benchmark.curves import COLOURS
-from cfnav_core.benchmark.grid import GridError, Local, run_tasks
+from cfnav_core.benchmark.grid import Local, ended_by_signals, run_tasks
 from cfnav_core.benchmark.jobs import Places
-from cfnav_core.benchmark.pages import Figures, change, spread
+from cfnav_core.benchmark.pages import Figures, change, percent, spread
 from cfnav_core.benchmark.predictor import Quality, judged, over_runs
 from cfnav_core.benchmark.presets import PresetName
 from cfnav_core.benchmark.rows import DRIVEN, ROWS, Row
@@ -115,10 +115,7 @@ def run(study: Study) -> list[Look]:
     }  # fmt: skip
     if not study.recorded:
         tasks = [task for bench in benches.values() for task in tests_of(DRIVERS, bench)]
-        try:
-            run_tasks(tasks, Local(study.jobs))
-        except GridError as error:
-            raise ValueError(str(error)) from error
+        run_tasks(tasks, Local(study.jobs))
     looks = [_look(shift, bench) for shift, bench in benches.items()]
     study.results.mkdir(parents=True, exist_ok=True)
     page = as_markdown(looks)
@@ -162,7 +159,8 @@ def _made(study: Study) -> dict[float, tuple[Path, Made]]:
                 "python -m sim_bridge.dataset --visual-shift"
             )
         found[shifts.pop()] = (scenes, Made.of(scenes, {split: frozen}, {split}))
-    write_json(path, {str(shift): asdict(made) for shift, (_, made) in found.items()})
+    noted = json.loads(path.read_text()) if path.exists() else {}
+    write_json(path, noted | {str(shift): asdict(made) for shift, (_, made) in found.items()})
     return found
 
 
@@ -201,8 +199,8 @@ def as_markdown(looks: Sequence[Look]) -> str:
     said = f"{first.episodes:,} test episodes, {first.seeds} training seeds"
     parts = [
         (f"CF-SR, {said}", _cells(looks, lambda f: spread(f.cf_sr_mean, f.cf_sr_std))),
-        ("Touched", _cells(looks, lambda f: _percent(f.touched_mean))),
-        ("SR", _cells(looks, lambda f: _percent(f.sr_mean))),
+        ("Touched", _cells(looks, lambda f: percent(f.touched_mean))),
+        ("SR", _cells(looks, lambda f: percent(f.sr_mean))),
         ("CF-SR over plain [95 %]", _cells(looks, lambda f: change(f.gain, f.gain_ci95))),
         (
             "CF-SR over the same with its own prediction [95 %]",
@@ -231,10 +229,6 @@ def _aucs(looks: Sequence[Look]) -> dict[str, list[str]]:
         source: [f"{look.qualities[n].auc:.3f}" for look in looks]
         for n, source in enumerate(sources)
     }
-
-
-def _percent(value: float | None) -> str:
-    return "" if value is None else f"{100 * value:.1f}"
 
 
 def draw(looks: Sequence[Look], path: Path) -> None:
@@ -279,7 +273,8 @@ def draw(looks: Sequence[Look], path: Path) -> None:
 def main() -> None:
     """Entry point; what was found wrong is one sentence."""
     try:
-        run(tyro.cli(Study, prog="shift_study"))
+        with ended_by_signals():
+            run(tyro.cli(Study, prog="shift_study"))
     except (ValueError, OSError) as error:
         sys.exit(f"shift_study: {error}")
 

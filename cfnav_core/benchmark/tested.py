@@ -120,9 +120,15 @@ class Steps:
         """Those beside a test's results.
 
         Raises:
-            FileNotFoundError: they were not kept.
+            ValueError: they were not kept.
         """
-        with np.load(steps_of(result), allow_pickle=False) as file:
+        path = steps_of(result)
+        if not path.exists():
+            raise ValueError(
+                f"found no {path}, the steps whose probabilities are judged; remove {result.name} "
+                "beside it to test that run again"
+            )
+        with np.load(path, allow_pickle=False) as file:
             return cls(**file)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Container
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from cfnav_core.benchmark.tested import FrozenTest, run_test
 from cfnav_core.checkpoint import load_tensors
 from cfnav_core.json_file import write_json
 from cfnav_core.locks import locked
+from cfnav_core.run_files import BEST
 from cfnav_core.train import train
 
 DONE = "done.json"
@@ -65,17 +67,38 @@ class Task:
         source = self.job.options(self.places).stage1
         return source is None or source.exists()
 
-    @property
-    def stuck(self) -> str:
-        """Why what it goes on from will never be there, as a sentence; empty when it may be."""
+    def stuck(self, trained: Container[Path]) -> str:
+        """Why what it goes on from will never be there, as a sentence; empty when it may be.
+
+        Args:
+            trained: folders of runs that are being trained.
+        """
+        if self.test:
+            return "" if self.folder in trained else self._untestable
         source = self.job.options(self.places).stage1
-        if self.test or source is None or source.exists() or not (source.parent / DONE).exists():
+        if source is None or source.exists() or not (source.parent / DONE).exists():
             return ""
         return (
             f"found {source.parent} with results but without {source.name}, from which "
             f"{self.job.title} goes on; remove that folder to train it again, or ask only for "
             "what is recorded (--recorded)"
         )
+
+    @property
+    def _untestable(self) -> str:
+        done, best = ((self.folder / file).exists() for file in (DONE, BEST))
+        if not done:
+            return (
+                f"found no trained run {self.job.title} in {self.folder}; train it with cfnav "
+                "benchmark first"
+            )
+        if not best:
+            return (
+                f"found {self.folder} with results but without {BEST}, which is to be tested; "
+                "remove that folder to train it again, or ask only for what is recorded "
+                "(--recorded)"
+            )
+        return ""
 
     def save(self) -> Path:
         """Write it down for the process that does it."""

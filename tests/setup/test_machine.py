@@ -57,6 +57,22 @@ def test_nothing_is_installed_when_apt_did_not_help(system, steps, bare_machine)
         system.install_missing(lambda command, failure: None, print)
 
 
+def test_set_up_goes_on_without_what_is_not_required(system, steps, bare_machine):
+    bare_machine.setattr(system.os, "geteuid", lambda: 0)
+    told = []
+
+    def offline(command, failure):
+        raise steps.SetupError(failure)
+
+    with pytest.raises(steps.SetupError, match="apt-get update failed"):
+        system.install_missing(offline, told.append)
+    needs = [need for need in system.needs() if not need.required]
+    assert needs
+    bare_machine.setattr(system, "needs", lambda: needs)
+    system.install_missing(offline, told.append)
+    assert told[-1] == "It goes on without them, as they are not required: apt-get update failed"
+
+
 @pytest.mark.parametrize("version", [(3, 10), (3, 13)])
 def test_another_python_is_refused(system, steps, version):
     with pytest.raises(steps.SetupError, match=f"Found Python 3.{version[1]}; cfnav needs 3.11"):

@@ -13,7 +13,7 @@ def line(run: str, validation: float) -> dict[str, str]:
     if more[0] == "listening":
         method = "listening"
     return {
-        "run": run, "split": split, "model": model, "method": method,
+        "run": run, "preset": "small", "split": split, "model": model, "method": method,
         "validation_cf_sr": str(validation),
     }  # fmt: skip
 
@@ -58,10 +58,12 @@ def test_the_best_at_hand_of_the_best_configuration(missing: str, hoz: tuple[str
 def test_a_configuration_without_weights_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr("sys.argv", ["best", str(tmp_path), str(tmp_path / "grid")])
+    folders = ["--results", str(tmp_path), "--grid", str(tmp_path / "grid")]
+    monkeypatch.setattr("sys.argv", ["best", *folders])
     assert main() == 2
     assert "runs.csv" in capsys.readouterr().err
-    lines = [",".join(LINES[0]), *(",".join(of.values()) for of in LINES)]
+    other = LINES[5] | {"run": "data1_hoz_ours_seed1_zz", "preset": "full", "method": "ours"}
+    lines = [",".join(LINES[0]), *(",".join(of.values()) for of in (*LINES, other))]
     (tmp_path / "runs.csv").write_text("\n".join(lines))
     for run in EVERY - set(TDANET[1:]):
         folder = tmp_path / "grid" / "runs" / run

@@ -13,7 +13,7 @@ from cfnav_core.benchmark.jobs import Job, Places
 from cfnav_core.benchmark.tested import FrozenTest
 from cfnav_core.benchmark.work import Task
 from cfnav_core.locks import locked
-from cfnav_core.run_files import STAGE1
+from cfnav_core.run_files import BEST, STAGE1
 
 OURS = Job("lstde", "ours", "data1", 0, "tiny", "p")
 
@@ -83,6 +83,19 @@ def test_results_without_the_weights_to_go_on_from_are_told(places: Places) -> N
     with pytest.raises(GridError, match=r"without stage1.* from which data1 lstde plain seed0"):
         run_tasks(tasks, executor)
     assert executor.begun == []
+
+
+def test_what_cannot_be_tested_is_told(places: Places) -> None:
+    (run,) = of(places, "ours")
+    test = replace(run, test=FrozenTest("own", False, Path("frozen.json"), 5, "aaaa"))
+    executor = Recorded()
+    with pytest.raises(GridError, match=r"found no trained run data1 lstde ours seed0 in .*first"):
+        run_tasks([test], executor)
+    run_tasks([run], executor)
+    (run.folder / BEST).unlink(missing_ok=True)
+    with pytest.raises(GridError, match=f"with results but without {BEST}, which is to be tested"):
+        run_tasks([test], executor)
+    assert executor.begun == [run]
 
 
 def test_a_failure_is_told_and_the_rest_is_done(places: Places) -> None:
