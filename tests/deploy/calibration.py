@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 from cfnav_ros.lidar import SweptDisc, estimate_collision
+from cfnav_ros.limits import EpisodeLimits
 from cfnav_ros.sweep import NOMINAL
 
 from cfnav_core import calibration as rel
@@ -115,12 +116,16 @@ def unseen_shares(found: Predicted) -> dict[str, list[float]]:
 
 
 def figures(found: Predicted) -> dict[str, float | int | list[float] | list[list[float]]]:
-    """Everything that is reported; see ``cfnav_core.calibration`` for the measures."""
+    """Everything that is reported; see ``cfnav_core.calibration`` for the measures.
+
+    The veto misses a motion that collides when it does not forbid it, and gives a false alarm when
+    it forbids one that would not.
+    """
     p, y, ones = found.p, found.collided, np.ones(len(found.p))
     base, plain_base = float(y.mean()), float(np.average(y, weights=found.weight))
     brier, plain_brier = rel.brier(p, y, ones), rel.brier(p, y, found.weight)
     free = np.logical_or(*free_by_plane(found))
-    apart = ~y
+    apart, vetoed = ~y, p >= EpisodeLimits().veto_probability
     return {
         "n": len(p),
         "n_uncertain": int(((p > rel.LOW) & (p < rel.HIGH)).sum()),
@@ -143,6 +148,10 @@ def figures(found: Predicted) -> dict[str, float | int | list[float] | list[list
         "plain_auc_clearance": rel.auc(-found.clearance, y, found.weight),
         "plain_brier_geometric": rel.brier(found.plain, y, found.weight),
         "plain_auc_geometric": rel.auc(found.plain, y, found.weight),
+        "veto_misses": float(1 - vetoed[y].mean()),
+        "veto_false_alarms": float(vetoed[apart].mean()),
+        "plain_veto_misses": float(1 - np.average(vetoed[y], weights=found.weight[y])),
+        "plain_veto_false_alarms": float(np.average(vetoed[apart], weights=found.weight[apart])),
         "free_by_plane": int(free.sum()),
         "free_by_plane_collided": float(y[free].mean()),
         "free_by_plane_predicted": float(p[free].mean()),
@@ -162,7 +171,10 @@ def measure(
     found = drive_all(config)
     result = figures(found)
     first, last = config.seeds
-    title = f"{len(found.p)} MoveAheads in rooms {first} to {last}, ECE {result['ece']:.3f}"
+    title = (
+        f"{len(found.p)} MoveAheads in rooms {first} to {last}\nECE {result['ece']:.3f} "
+        f"of the {result['n_uncertain']} predicted between {rel.LOW:g} and {rel.HIGH:g}"
+    )
     reliability.diagram(found.p, found.collided, title, config.out / "calibration.png")
     (config.out / "calibration.json").write_text(json.dumps(result, indent=1) + "\n")
     return result

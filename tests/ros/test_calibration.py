@@ -8,7 +8,13 @@ from cfnav_ros.lidar import SweptDisc, estimate_collision
 from cfnav_ros.sweep import NOMINAL
 
 from cfnav_core import calibration as rel
-from tests.deploy.calibration import CalibrationConfig, Predicted, measure, unseen_shares
+from tests.deploy.calibration import (
+    CalibrationConfig,
+    Predicted,
+    figures,
+    measure,
+    unseen_shares,
+)
 from tests.deploy.driven_moves import moves, scan_of
 
 P = np.array([0.1, 0.1, 0.1, 0.1, 0.6, 0.6, 0.99, 0.01])
@@ -70,6 +76,16 @@ def test_what_the_plane_cannot_show_is_counted_apart_near_and_far():
     collided = np.array([1, 0, 0, 1, 0, 1, 1], bool)
     found = Predicted(p, clearance, p, collided, p, np.ones(7))
     assert unseen_shares(found) == {"unseen": [1 / 2, 1, 2], "unseen_near": [1 / 3, 1, 3]}
+
+
+def test_what_the_veto_misses_and_what_it_forbids_in_vain():
+    weight = np.where(P == 0.1, 3.0, 1.0)
+    found = figures(Predicted(P, 1 - P, P.round(), Y, np.full(8, 0.25), weight))
+    # of four collisions the one at 0.1 is missed; nothing free is forbidden
+    assert (found["veto_misses"], found["veto_false_alarms"]) == (1 / 4, 0.0)
+    assert found["plain_veto_misses"] == pytest.approx(3 / 6)
+    free = figures(Predicted(P, 1 - P, P.round(), Y[::-1].copy(), np.full(8, 0.25), weight))
+    assert free["veto_false_alarms"] == pytest.approx(2 / 4)
 
 
 def test_the_whole_program_on_a_few_moves(tmp_path):
