@@ -22,7 +22,6 @@ benchmark() {
 benchmark I II III own --seeds "$seeds"
 benchmark tenfold --model tdanet --seeds "$seeds"
 benchmark tenfold --model lstde --seeds 1
-benchmark listening --seeds "$seeds"
 python -m cfnav_core.benchmark.p_hat_study --scenes "$out/rooms" --grid "$out/grid" \
   --preset "$preset" --results "$results" --seeds "$seeds"
 

@@ -21,9 +21,6 @@ from cfnav_core.benchmark.presets import PresetName
 from cfnav_core.benchmark.runs import RUNS
 from cfnav_core.run_files import BEST
 
-OURS = ("ours", "listening")
-"""Methods of ``runs.csv`` that are ours, whatever their schedule."""
-
 Line = Mapping[str, str]
 """A line of ``runs.csv``."""
 
@@ -43,7 +40,7 @@ def best_runs(lines: Iterable[Line], here: Container[str]) -> list[tuple[Line, s
     plain = {_without_hash(line["run"]): line["run"] for line in lines if line["method"] == "plain"}
     kinds: dict[str, dict[str, list[Line]]] = {}
     for line in lines:
-        if line["method"] in OURS:
+        if line["method"] == "ours":
             of_model = kinds.setdefault(line["model"], {})
             of_model.setdefault(_without_seed(line["run"]), []).append(line)
     found = []
@@ -62,7 +59,7 @@ def _reached(line: Line) -> float:
 
 def _plain_beside(run: str) -> str:
     """Name, without its hash, of the plain run that a run of ours is compared with."""
-    return _without_hash(run).replace("_ours_listening_", "_ours_").replace("_ours_", "_plain_")
+    return _without_hash(run).replace("_ours_", "_plain_")
 
 
 def _without_hash(run: str) -> str:

@@ -13,7 +13,7 @@ import tyro
 
 from cfnav_core.benchmark.presets import PresetName
 
-TableName = Literal["I", "II", "III", "own", "tenfold", "listening"]
+TableName = Literal["I", "II", "III", "own", "tenfold"]
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Benchmark:
     """
 
     tables: Annotated[tuple[TableName, ...], tyro.conf.Positional] = ("I", "II", "III", "own")
-    """Tables of the paper, rows of our own, what ten times as many episodes make of TDANet and
-    L-sTDE, and what a p_hat that has a straight way to the choice makes of TDANet."""
+    """Tables of the paper, rows of our own, and what ten times as many episodes make of TDANet and
+    L-sTDE."""
     scenes: Path = Path("out/paper/rooms")
     """All built-in rooms (python -m sim_bridge.dataset --out out/paper/rooms)."""
     out: Path = Path("out/paper/grid")

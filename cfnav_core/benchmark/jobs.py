@@ -8,14 +8,18 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from cfnav_core.benchmark.presets import PRESETS, PresetName
-from cfnav_core.benchmark.rows import Row, Schedule, Split, Variant
+from cfnav_core.benchmark.rows import Row, Schedule, Split
 from cfnav_core.config import PUBLISHED, MethodName, ModelName, RunConfig, TrainOptions
 from cfnav_core.methods import METHODS
 from cfnav_core.rooms import SPLITS
 from cfnav_core.run_files import STAGE1
+
+Variant = Literal["", "listening", "dropout"]
+"""How a run differs from its method: in nothing; p_hat is added to the action logits too, see
+``RunConfig``; or picture features have dropout, as in the published networks."""
 
 SHARED_STAGE1: MethodName = "ours"
 """Its stage one is that of every method without a rule of its own there: the predictor that it
@@ -103,11 +107,6 @@ class Job:
         return " ".join(filter(None, words))
 
     @property
-    def trained_as(self) -> str:
-        """What tables name as its method: the variant, where it is one."""
-        return self.variant or self.method
-
-    @property
     def stage1(self) -> Job | None:
         """The run whose stage one this one goes on from, None when it has its own."""
         method, shared = METHODS[self.method], METHODS[SHARED_STAGE1]
@@ -121,9 +120,7 @@ class Job:
     @classmethod
     def of_row(cls, row: Row, seed: int, preset: PresetName, perception: str) -> Job:
         """A run of a row."""
-        ordinary = cls(
-            row.model, row.method, row.split, seed, preset, perception, variant=row.variant
-        )
+        ordinary = cls(row.model, row.method, row.split, seed, preset, perception)
         asked = replace(ordinary, schedule=row.schedule)
         return asked if asked.config != ordinary.config else ordinary
 

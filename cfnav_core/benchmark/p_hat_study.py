@@ -2,7 +2,7 @@
 
 The paper feeds one number and does not say where. Here the methods of a grid stand beside variants
 of ours, each given other probabilities. No test room is looked at, and nothing is chosen for the
-tables of the paper; the sum with the logits has a table of its own, "listening".
+tables of the paper.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.benchmark.grid import Local, ended_by_signals, run_tasks
-from cfnav_core.benchmark.jobs import Job, Places
+from cfnav_core.benchmark.jobs import Job, Places, Variant
 from cfnav_core.benchmark.pages import change, spread
 from cfnav_core.benchmark.presets import PresetName
-from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split, Variant
+from cfnav_core.benchmark.rows import DRIVEN, GIVEN, NAMES, STUDIED, Schedule, Split
 from cfnav_core.benchmark.stamps import Made, check_rooms, identity_of_rooms
 from cfnav_core.benchmark.statistics import interval, over_seeds
 from cfnav_core.benchmark.tested import Tested, save

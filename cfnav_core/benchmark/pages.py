@@ -15,7 +15,7 @@ from cfnav_core.benchmark.rows import ROWS
 from cfnav_core.benchmark.statistics import interval_of_seeds
 from cfnav_core.whole import write_file
 
-TABLES = ("I", "II", "III", "IV", "own", "tenfold", "listening")
+TABLES = ("I", "II", "III", "IV", "own", "tenfold")
 """In this order they stand in the summary."""
 
 SUMMARY = "summary.json"
@@ -138,7 +138,7 @@ def page_of(table: str, kept: Sequence[Figures]) -> str:
         r for r in kept
         if r.table == "own" and r.p_hat in ABLATED and (r.config_hash, r.seeds, r.commit) in ours
     ]  # fmt: skip
-    if table in ("own", "tenfold", "listening") or not given:
+    if table in ("own", "tenfold") or not given:
         return page
     return f"{page}\nThe same policies, given another probability:\n\n{as_markdown(given)}"
 

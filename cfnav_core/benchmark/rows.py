@@ -18,10 +18,6 @@ Schedule = Literal["usual", "longer", "later", "tenfold"]
 collisions cost in stage one, the more of them in stage two; with a longer stage one; or with ten
 times as many episodes in stage two, unless it is long already."""
 
-Variant = Literal["", "listening", "dropout"]
-"""How a run differs from its method: in nothing; p_hat is added to the action logits too, see
-``RunConfig``; or picture features have dropout, as in the published networks."""
-
 
 @dataclass(frozen=True)
 class Published:
@@ -46,7 +42,7 @@ class Row:
 
     Attributes:
         table: "I", "II" or "III" as in the paper, "own" for those that it lacks, "tenfold" for
-            those that are trained so, "listening" for those whose p_hat enters otherwise.
+            those that are trained so.
         name: "ours (MODEL)" for the paper's method.
         model: row of ``MODELS``. method: row of ``METHODS``. split: row of ``SPLITS``.
         paper: what the paper says, None for rows of our own.
@@ -55,7 +51,6 @@ class Row:
         sample: actions are drawn at test; the most probable ones when not.
         against: method of the row that the gain is over, in the same model and split.
         schedule: of training, and of what the gain is over.
-        variant: of the method; what the gain is over has none.
     """
 
     table: str
@@ -69,7 +64,6 @@ class Row:
     against: MethodName | None = None
     schedule: Schedule = "usual"
     sample: bool = False
-    variant: Variant = ""
 
     @property
     def reads_lidar(self) -> bool:
@@ -91,7 +85,7 @@ class Row:
         """What the gain is over."""
         if self.against is None:
             return None
-        return replace(self, method=self.against, p_hat="own", veto=False, against=None, variant="")
+        return replace(self, method=self.against, p_hat="own", veto=False, against=None)
 
     @property
     def vetoed(self) -> Row | None:
@@ -103,14 +97,11 @@ class Row:
 
     @property
     def rival(self) -> Row | None:
-        """The paper's method, trained as long and acting alike.
+        """The paper's method without a LiDAR, trained as long and acting alike.
 
-        Without a LiDAR, but for variants of it, which are compared with it given the same p_hat.
         None for it, for plain, whose difference is the gain, and for other methods where p_hat is
         another.
         """
-        if self.variant:
-            return replace(self, variant="")
         if self.method == "ours" or self.against is None or self.p_hat != "own":
             return None
         return replace(self, method="ours", veto=False)
@@ -298,27 +289,7 @@ def _tenfold() -> list[Row]:
     return rows
 
 
-def _listening() -> list[Row]:
-    """p_hat added to the action logits too, as short as the paper's tables and tenfold.
-
-    Added when rows of the other tables had been tested, after a look at validation rooms in which
-    TDANet did better so; that look was of three seeds and is not written down.
-    """
-    model, split = DRIVEN
-    schedules: tuple[tuple[Schedule, str], ...] = (("usual", ""), ("tenfold", ", tenfold"))
-    rows = []
-    for schedule, words in schedules:
-        own = Row(
-            "listening", f"Listening ({NAMES[model]}){words}", model, "ours",
-            split, against="plain", schedule=schedule, variant="listening",
-        )  # fmt: skip
-        rows.append(own)
-        rows += [replace(own, name=f"{own.name}, {said}", p_hat=p_hat)
-                 for p_hat, said in GIVEN.items()]  # fmt: skip
-    return rows
-
-
 ROWS: tuple[Row, ...] = (
     *_table1(), *_compared("II", STUDIED, COMPARED), *_compared("III", STUDIED, ABLATION),
-    *_own(), *_drawn(), *_as_long(), *_later(), *_tenfold(), *_listening(),
+    *_own(), *_drawn(), *_as_long(), *_later(), *_tenfold(),
 )  # fmt: skip

@@ -62,7 +62,7 @@ class Trained:
         last = json.loads((folder / LOG).read_text().splitlines()[-1])
         done = json.loads((folder / DONE).read_text())
         return cls(
-            job.name, job.preset, job.split, job.model, job.trained_as, job.seed, job.hash,
+            job.name, job.preset, job.split, job.model, job.method, job.seed, job.hash,
             done["commit"],
             last["episodes"], last["steps"], round(last["cpu_s"]),
             round(last["sr"], 4), round(last["cf_sr"], 4), round(done["validation_cf_sr"], 4),

@@ -115,7 +115,7 @@ def figures_of(row: Row, bench: Bench, rows: Sequence[Row]) -> Figures:
         ours = _differences(row, bench.tested(row.rival), found)
         compared |= {"ours_over": ours["gain"], "ours_over_ci95": ours["gain_ci95"]}
     return Figures(
-        table=row.table, row=row.name, model=row.model, method=job.trained_as, split=row.split,
+        table=row.table, row=row.name, model=row.model, method=row.method, split=row.split,
         p_hat=row.p_hat, veto=row.veto, sample=row.sample, preset=bench.preset,
         **_published(row), paper_gain=_paper_gain(row, rows),
         **_measured(found), **compared,
