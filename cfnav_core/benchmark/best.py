@@ -18,7 +18,7 @@ from statistics import mean
 import tyro
 
 from cfnav_core.benchmark.presets import PresetName
-from cfnav_core.benchmark.runs import RUNS
+from cfnav_core.benchmark.runs import RUNS, without_hash
 from cfnav_core.run_files import BEST
 
 Line = Mapping[str, str]
@@ -37,7 +37,7 @@ def best_runs(lines: Iterable[Line], here: Container[str]) -> list[tuple[Line, s
         and schedule; "" where no pair of both is at hand. Of equal ones the first by name.
     """
     lines = sorted(lines, key=lambda line: line["run"])
-    plain = {_without_hash(line["run"]): line["run"] for line in lines if line["method"] == "plain"}
+    plain = {without_hash(line["run"]): line["run"] for line in lines if line["method"] == "plain"}
     kinds: dict[str, dict[str, list[Line]]] = {}
     for line in lines:
         if line["method"] == "ours":
@@ -59,15 +59,11 @@ def _reached(line: Line) -> float:
 
 def _plain_beside(run: str) -> str:
     """Name, without its hash, of the plain run that a run of ours is compared with."""
-    return _without_hash(run).replace("_ours_", "_plain_")
-
-
-def _without_hash(run: str) -> str:
-    return run.rpartition("_")[0]
+    return without_hash(run).replace("_ours_", "_plain_")
 
 
 def _without_seed(run: str) -> str:
-    return re.sub(r"_seed\d+$", "", _without_hash(run))
+    return re.sub(r"_seed\d+$", "", without_hash(run))
 
 
 @dataclass(frozen=True)

@@ -84,8 +84,8 @@ def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) ->
     """
     path = out / RUNS
     kept = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
-    made = {(run.preset, _title(run.run)) for run in found}
-    rows = [row for row in kept if (row["preset"], _title(row["run"])) not in made]
+    made = {(run.preset, without_hash(run.run)) for run in found}
+    rows = [row for row in kept if (row["preset"], without_hash(row["run"])) not in made]
     rows += map(asdict, found)
     text = io.StringIO()
     table = csv.DictWriter(text, list(asdict(found[0])), lineterminator="\n")
@@ -99,7 +99,8 @@ def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) ->
     print(f"{said} ({path})\n")
 
 
-def _title(run: str) -> str:
+def without_hash(run: str) -> str:
+    """A run's name but for the hash of its configuration."""
     return run.rpartition("_")[0]
 
 

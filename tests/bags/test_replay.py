@@ -17,6 +17,7 @@ from tests.bags.live_drives import RecordedRobot, blocks, later, restless_bundle
 from tests.bags.steps import step_of
 
 S = 1_000_000_000
+WITHOUT_LIDAR = EpisodeLimits(p_hat="own", veto=False)
 
 
 @pytest.fixture(scope="module")
@@ -320,8 +321,7 @@ def test_inferred_decisions_keep_the_live_rule_of_ages(recorded, policy):
 
 def test_inferred_decisions_without_a_lidar_take_the_bundles_own_predictor(recorded, policy):
     events = without(teleoperated(recorded[0]), lambda e: isinstance(e, LaserTurn))
-    limits = EpisodeLimits(p_hat="own", veto=False)
-    run = replay(events, policy, infer=True, limits=limits)
+    run = replay(events, policy, infer=True, limits=WITHOUT_LIDAR)
     assert run.steps
     assert {s.estimate_ns for s in run.steps} == {0}
     # with one that is silent it is blind, as a live node would be
@@ -354,8 +354,7 @@ def test_a_bump_ends_an_inferred_move_and_labels_it(policy):
         if k == 36:
             pressed_ns = t
             events.append(Bumps(t_ns=t, log_ns=t, zones=("bump_front_center",)))
-    limits = EpisodeLimits(p_hat="own", veto=False)
-    run = Replay({"restless": policy}, Estimates(), limits, infer=True)
+    run = Replay({"restless": policy}, Estimates(), WITHOUT_LIDAR, infer=True)
     run.begin("Mug", 0)
     for event in events:
         run.see(event)
