@@ -7,7 +7,6 @@ it: results that were unpacked have none.
 
 from __future__ import annotations
 
-import csv
 import re
 import sys
 from collections.abc import Container, Iterable, Mapping
@@ -18,7 +17,7 @@ from statistics import mean
 import tyro
 
 from cfnav_core.benchmark.presets import PresetName
-from cfnav_core.benchmark.runs import RUNS, without_hash
+from cfnav_core.benchmark.runs import RUNS, read_runs, without_hash
 from cfnav_core.run_files import BEST
 
 Line = Mapping[str, str]
@@ -87,8 +86,8 @@ def main() -> int:
     grid = options.grid
     here = {path.parent.name for path in grid.glob(f"runs/*/{BEST}")}
     try:
-        lines = csv.DictReader((options.results / RUNS).read_text().splitlines())
-        found = best_runs((line for line in lines if line["preset"] == options.preset), here)
+        lines = read_runs(options.results / RUNS)
+        found = best_runs([line for line in lines if line["preset"] == options.preset], here)
     except (OSError, ValueError) as error:
         print(f"best: {error}", file=sys.stderr)
         return 2

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Container, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from cfnav_core.benchmark.jobs import Job, Places
@@ -80,10 +80,11 @@ def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) ->
         out: folder that gets the file.
 
     Raises:
+        ValueError: those that are there cannot be read.
         WriteError: it cannot be written.
     """
     path = out / RUNS
-    kept = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
+    kept = read_runs(path) if path.exists() else []
     made = {(run.preset, without_hash(run.run)) for run in found}
     rows = [row for row in kept if (row["preset"], without_hash(row["run"])) not in made]
     rows += map(asdict, found)
@@ -97,6 +98,22 @@ def write_runs(found: Sequence[Trained], of_paper: Container[str], out: Path) ->
     if of_tables:
         said += f", the {len(of_tables)} of the paper's tables {_hours(of_tables):.1f}"
     print(f"{said} ({path})\n")
+
+
+def read_runs(path: Path) -> list[dict[str, str]]:
+    """The lines of a ``runs.csv``.
+
+    Raises:
+        OSError: it is not there.
+        ValueError: it is of another version.
+    """
+    lines = list(csv.DictReader(path.read_text().splitlines()))
+    if lines and set(lines[0]) != {spec.name for spec in fields(Trained)}:
+        raise ValueError(
+            f"found {path} of another version of cfnav, with other columns; remove it and make "
+            "the tables again"
+        )
+    return lines
 
 
 def without_hash(run: str) -> str:

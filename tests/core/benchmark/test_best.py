@@ -1,16 +1,18 @@
 """Which run of each model is shipped."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from cfnav_core.benchmark.best import best_runs, main
+from cfnav_core.benchmark.runs import Trained
 
 
 def line(run: str, validation: float) -> dict[str, str]:
     """A line of runs.csv for a folder's name SPLIT_MODEL_METHOD_..."""
     split, model, method, *_ = run.split("_")
-    return {
+    return dict.fromkeys((spec.name for spec in fields(Trained)), "") | {
         "run": run, "preset": "small", "split": split, "model": model, "method": method,
         "validation_cf_sr": str(validation),
     }  # fmt: skip
@@ -60,6 +62,9 @@ def test_a_configuration_without_weights_is_named(
     monkeypatch.setattr("sys.argv", ["best", *folders])
     assert main() == 2
     assert "runs.csv" in capsys.readouterr().err
+    (tmp_path / "runs.csv").write_text("run,split\ndata1_hoz_ours_seed0_ac,data1\n")
+    assert main() == 2
+    assert "runs.csv of another version of cfnav" in capsys.readouterr().err
     other = LINES[5] | {"run": "data1_hoz_ours_seed1_zz", "preset": "full", "method": "ours"}
     lines = [",".join(LINES[0]), *(",".join(of.values()) for of in (*LINES, other))]
     (tmp_path / "runs.csv").write_text("\n".join(lines))
