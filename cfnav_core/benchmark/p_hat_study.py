@@ -79,7 +79,8 @@ class Study:
     grid: Path = Path("out/paper/grid")
     """Folder of a grid (cfnav benchmark), which gets the runs that it lacks."""
     results: Path = Path("out/paper/results")
-    """Folder that gets p_hat.md and p_hat.json."""
+    """Folder that gets p_hat.md and p_hat.json; their names also bear the models where only some
+    were asked for, and the schedule where it is not the usual one: p_hat_tdanet_tenfold.md."""
     seeds: int = 5
     """Of each row."""
     first_seed: int = 0
@@ -93,7 +94,7 @@ class Study:
     preset: PresetName = "small"
     """That of the grid."""
     schedule: Schedule = "usual"
-    """Of training; the files of another than the usual one bear its name, as p_hat_tenfold.md."""
+    """Of training."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,8 @@ def run(study: Study) -> None:
             )
         ]  # fmt: skip
     study.results.mkdir(parents=True, exist_ok=True)
-    name = "p_hat" if study.schedule == "usual" else f"p_hat_{study.schedule}"
+    schedule = () if study.schedule == "usual" else (study.schedule,)
+    name = "_".join(("p_hat", *study.model, *schedule))
     write_file(
         study.results / f"{name}.json",
         json.dumps({"command": shlex.join(["python", "-m", __spec__.name, *sys.argv[1:]]),

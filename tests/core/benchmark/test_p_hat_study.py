@@ -37,14 +37,14 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Study]:
 
 
 def read_page(study: Study) -> str:
-    return (study.results / "p_hat.md").read_text()
+    return (study.results / "p_hat_tdanet.md").read_text()
 
 
 def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
     before = {path: path.stat().st_mtime_ns for path in study.grid.glob("runs/*/*")}
     assert before
     run(study)
-    rows = json.loads((study.results / "p_hat.json").read_text())["rows"]
+    rows = json.loads((study.results / "p_hat_tdanet.json").read_text())["rows"]
     assert all(row["commit"] for row in rows)
     by = {(row["variant"], row["p_hat"]): row for row in rows}
     assert len(by) == len(rows) == 1 + 3 * 6
@@ -58,11 +58,12 @@ def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
     (best,) = study.grid.glob(LISTENING)
     assert load_tensors(best)[1]["config"]["listening"]
     assert {path: path.stat().st_mtime_ns for path in before} == before
-    page = (study.results / "p_hat.md").read_text()
+    page = (study.results / "p_hat_tdanet.md").read_text()
     assert page.count("\n") == 2 + len(rows)
 
 
 def test_it_goes_on_without_training_again(study: Study) -> None:
+    run(study)
     (best,) = study.grid.glob(LISTENING)
     tests = sorted(study.grid.glob("p_hat/tests/*.npz"))
     assert len(tests) == 1 + 3 * 6
@@ -75,6 +76,7 @@ def test_it_goes_on_without_training_again(study: Study) -> None:
 
 
 def test_recorded_tests_stand_for_weights_that_are_not_there(study: Study, tmp_path: Path) -> None:
+    run(study)
     away = shutil.ignore_patterns("*.safetensors")
     shutil.copytree(study.grid, tmp_path / "grid", ignore=away)
     recorded = replace(study, grid=tmp_path / "grid", results=tmp_path)
@@ -92,9 +94,10 @@ def test_it_asks_the_same_of_longer_training(study: Study) -> None:
         train_only=True, device="cpu",
     )  # fmt: skip
     run_benchmark(grid, "")
-    usual = (study.results / "p_hat.md").read_text()
+    run(study)
+    usual = (study.results / "p_hat_tdanet.md").read_text()
     run(replace(study, schedule="tenfold"))
-    found = json.loads((study.results / "p_hat_tenfold.json").read_text())
+    found = json.loads((study.results / "p_hat_tdanet_tenfold.json").read_text())
     assert found["schedule"] == "tenfold"
     assert len(found["rows"]) == 1 + 3 * 6
     (best,) = study.grid.glob("runs/*_ours_listening_tenfold_seed0_*/best.safetensors")
@@ -103,7 +106,7 @@ def test_it_asks_the_same_of_longer_training(study: Study) -> None:
     assert long["listening"]
     episodes = [run["hyperparameters"]["stage2_episodes"] for run in (short, long)]
     assert episodes[1] == 2 * episodes[0]
-    assert (study.results / "p_hat.md").read_text() == usual
+    assert (study.results / "p_hat_tdanet.md").read_text() == usual
 
 
 @pytest.mark.parametrize("seeds", [{"seeds": 2}, {"first_seed": 1}])
