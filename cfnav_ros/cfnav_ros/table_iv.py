@@ -30,7 +30,7 @@ from cfnav_ros.demo import run_trial
 from cfnav_ros.identities import identity_of, world_source
 from cfnav_ros.json_lines import append_row, read_rows, write_rows
 from cfnav_ros.plan import Trial
-from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROWS, TRIALS, Way, trials_of
+from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROWS, SOURCES, TRIALS, Way, trials_of
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,12 @@ class TableIV:
     """Of each row."""
     seeds: int = 1
     """Training seeds that share the trials."""
-    rows: Literal["paper", "main", "all"] = "all"
-    """The paper's; or also the method Truth, and ours with RGB, zero, shuffled or the truth for the
-    LiDAR's p_hat; or also drawn actions, the larger of LiDAR and RGB, veto, no visual shift."""
+    first_seed: int = 0
+    """The others follow it."""
+    rows: Literal["paper", "sources", "main", "all"] = "all"
+    """The paper's; or plain, and ours with the LiDAR's, RGB's and the larger p_hat; or the paper's,
+    the method Truth, and ours with RGB, zero, shuffled or the truth for the LiDAR's p_hat; or also
+    drawn actions, the larger of LiDAR and RGB, veto, no visual shift."""
     only: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Only these rows, by the method's name, given as often as needed; writes no table."""
     out: Path = Path("out/paper/trials")
@@ -80,7 +83,7 @@ def run(config: TableIV) -> None:
     asked = [
         (way, seed)
         for way in ways if not config.only or way.method in config.only
-        for seed in range(config.seeds)
+        for seed in _seeds(config)
     ]  # fmt: skip
     for way, seed in [drive for drive in asked if _missing(config, *drive)]:
         config.out.mkdir(parents=True, exist_ok=True)
@@ -88,6 +91,10 @@ def run(config: TableIV) -> None:
             _drive(config, way, seed)
     if not config.only:
         _write(config, ways)
+
+
+def _seeds(config: TableIV) -> range:
+    return range(config.first_seed, config.first_seed + config.seeds)
 
 
 def _bundle(config: TableIV, way: Way, seed: int) -> Path:
@@ -101,6 +108,10 @@ def _file(config: TableIV, way: Way, seed: int) -> Path:
 
 def _trained(config: TableIV, before: str = "_") -> str:
     return "" if config.schedule == "usual" else before + config.schedule
+
+
+def _from(config: TableIV, before: str) -> str:
+    return f"{before}{config.first_seed}" if config.first_seed else ""
 
 
 def _missing(config: TableIV, way: Way, seed: int) -> list[Trial]:
@@ -203,7 +214,7 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     # matplotlib is slow to import
     from cfnav_ros.table_iv_plot import draw_table_iv
 
-    driven = {way: [_driven(config, way, seed) for seed in range(config.seeds)] for way in ways}
+    driven = {way: [_driven(config, way, seed) for seed in _seeds(config)] for way in ways}
     worlds = {row["world"] for of in driven.values() for rows in of for row in rows}
     if len(worlds) > 1:
         raise OSError(
@@ -213,11 +224,13 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     results = config.results or config.out
     write_tables([_figures(config, way, driven) for way in ways], results)
     # of the last seed; the first goal in the first room, the second in the second, and so on
-    first = {way.name: driven[way][-1][: 3 * len(GOALS) : 4] for way in PAPERS}
-    trained = "" if config.schedule == "usual" else f", trained {config.schedule}"
-    title = f"One trial of each goal by training seed {config.seeds - 1}{trained}"
+    shown = SOURCES if config.rows == "sources" else PAPERS
+    first = {way.name: driven[way][-1][: 3 * len(GOALS) : 4] for way in shown}
+    title = f"One trial of each goal by training seed {_seeds(config)[-1]}"
+    title += _trained(config, ", trained ")
     picture = draw_table_iv(first, config.out / "maps", PLACES, title)
-    write_file(results / f"table_IV_{config.trials}{_trained(config)}.png", picture)
+    of = f"{config.trials}{_trained(config)}{_from(config, '_from_seed')}"
+    write_file(results / f"table_IV_{of}.png", picture)
 
 
 def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, Any]]]]) -> Figures:
@@ -253,7 +266,7 @@ def _figures(config: TableIV, way: Way, driven: dict[Way, list[list[dict[str, An
     commits = sorted({row["commit"] for of_seed in rows for row in of_seed})
     return Figures(
         table="IV", row=way.name, model=DRIVEN[0], method=way.method,
-        split=f"{config.trials} live trials{_trained(config, ', ')}",
+        split=f"{config.trials} live trials{_trained(config, ', ')}{_from(config, ', from seed ')}",
         p_hat=way.p_hat, veto=way.veto, sample=way.sample, preset=runs[0]["preset"],
         paper_cf_sr=None if way.paper is None else round(way.paper / TRIALS, 3),
         paper_gain=None if not way.paper else round(way.paper / TRIALS, 3),

@@ -80,9 +80,12 @@ PAPERS = (
     Way("ours (TDANet)", "ours", 12),
 )
 
+RGB = Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own")
+LARGER = Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both")
+
 MAIN = (
     *PAPERS,
-    Way("ours (TDANet), RGB for p_hat", "ours", p_hat="own"),
+    RGB,
     Way("ours (TDANet), zero for p_hat", "ours", p_hat="zero"),
     Way("ours (TDANet), shuffled p_hat", "ours", p_hat="shuffled"),
     Way("ours (TDANet), the true flag for p_hat", "ours", p_hat="true"),
@@ -90,10 +93,13 @@ MAIN = (
 )
 """Also ours with other sources of p_hat, and the method that was told the truth in training."""
 
+SOURCES = (PAPERS[0], PAPERS[-1], RGB, LARGER)
+"""Where p_hat should come from on a robot: the LiDAR, the picture, or both; and plain."""
+
 WAYS = (
     *MAIN,
     *(replace(w, name=f"{w.name}, actions drawn", paper=None, sample=True) for w in PAPERS),
-    Way("ours (TDANet), the larger of LiDAR and p_hat", "ours", p_hat="both"),
+    LARGER,
     Way("Truth (TDANet), the true flag for p_hat", "truth", p_hat="true"),
     Way("Truth (TDANet), the larger of LiDAR and p_hat", "truth", p_hat="both"),
     Way("TDANet, LiDAR veto", "plain", veto=True),
@@ -102,7 +108,7 @@ WAYS = (
     Way("ours (TDANet), no visual shift", "ours", visual_shift=0.0),
 )
 
-ROWS = {"paper": PAPERS, "main": MAIN, "all": WAYS}
+ROWS = {"paper": PAPERS, "sources": SOURCES, "main": MAIN, "all": WAYS}
 
 
 def trials_of(count: int, seed: int) -> list[Trial]:

@@ -15,7 +15,7 @@ import pytest
 from cfnav_ros.identities import identity_of, world_source
 from cfnav_ros.json_lines import append_row
 from cfnav_ros.table_iv import TableIV, run, run_of
-from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROOMS, WAYS, trials_of
+from cfnav_ros.table_iv_rows import GOALS, PAPERS, PLACES, ROOMS, SOURCES, WAYS, trials_of
 from PIL import Image
 from sim_bridge.camera import Camera
 from sim_bridge.grid import start_episode
@@ -183,6 +183,25 @@ def test_seeds_share_the_trials(bundles: Path, tmp_path: Path) -> None:
     assert rows[3]["gain_by_seed"] == [pytest.approx(0.4), pytest.approx(0.6)]
     assert rows[3]["gain"] == pytest.approx(0.5)
     assert (config.out / "table_IV_30.png").exists()
+
+
+def test_later_seeds_stand_beside_the_first(bundles: Path, tmp_path: Path) -> None:
+    shutil.copytree(bundles / "plain_seed0", bundles / "plain_seed4")
+    shutil.copytree(bundles / "ours_seed0", bundles / "ours_seed4")
+    config = TableIV(bundles, rows="sources", out=tmp_path / "out", first_seed=4)
+    (config.out / "maps").mkdir(parents=True)
+    for room in ROOMS:
+        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
+        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+    for way, successes in zip(SOURCES, (3, 6, 9, 12), strict=True):
+        _driven(config.out / f"{way.key}_seed4_15.jsonl", config, way.method, successes, 4)
+    run(config)
+    plain, lidar, own, both = json.loads((config.out / "summary.json").read_text())["rows"]
+    assert plain["split"] == both["split"] == "15 live trials, from seed 4"
+    assert [row["cf_sr_mean"] for row in (plain, own, both)] == [0.2, 0.6, 0.8]
+    assert lidar["over_own"] == pytest.approx(-0.2)
+    assert both["over_own"] == pytest.approx(0.2)
+    assert (config.out / "table_IV_15_from_seed4.png").exists()
 
 
 def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:
