@@ -69,6 +69,13 @@ def put_bundle(place: Path, actions: list[Action]) -> None:
     shutil.copytree(made, place)
 
 
+def put_maps(out: Path) -> None:
+    (out / "maps").mkdir(parents=True)
+    for room in ROOMS:
+        name = out / "maps" / f"{room.replace(':', '_')}.npz"
+        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+
+
 def _driven(path: Path, config: TableIV, method: str, successes: int, seed: int = 0) -> None:
     """Write down fifteen trials as if they had been driven."""
     bundle = config.bundles / f"{method}_seed{seed}"
@@ -87,11 +94,7 @@ def _driven(path: Path, config: TableIV, method: str, successes: int, seed: int 
 
 def test_figures_are_those_of_what_was_driven(bundles: Path, tmp_path: Path) -> None:
     config = TableIV(bundles=bundles, rows="paper", out=tmp_path / "out")
-    (config.out / "maps").mkdir(parents=True)
-    for room in ROOMS:
-        cells = np.eye(100, dtype=bool)
-        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
-        np.savez(name, occupied=cells, resolution=0.05)
+    put_maps(config.out)
     for method, successes in zip(METHODS, (3, 6, 9, 12), strict=True):
         _driven(config.out / f"{method}_seed0_15.jsonl", config, method, successes)
     run(config)
@@ -166,10 +169,7 @@ def test_a_bundle_of_another_training_is_refused(bundles: Path, tmp_path: Path) 
 
 def test_seeds_share_the_trials(bundles: Path, tmp_path: Path) -> None:
     config = TableIV(bundles=bundles, rows="paper", out=tmp_path / "out", trials=30, seeds=2)
-    (config.out / "maps").mkdir(parents=True)
-    for room in ROOMS:
-        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
-        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+    put_maps(config.out)
     for method, found in zip(METHODS, ((3, 6), (3, 3), (6, 9), (9, 15)), strict=True):
         shutil.copytree(bundles / f"{method}_seed0", bundles / f"{method}_seed1")
         for seed, successes in enumerate(found):
@@ -189,10 +189,7 @@ def test_later_seeds_stand_beside_the_first(bundles: Path, tmp_path: Path) -> No
     shutil.copytree(bundles / "plain_seed0", bundles / "plain_seed4")
     shutil.copytree(bundles / "ours_seed0", bundles / "ours_seed4")
     config = TableIV(bundles, rows="sources", out=tmp_path / "out", first_seed=4)
-    (config.out / "maps").mkdir(parents=True)
-    for room in ROOMS:
-        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
-        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+    put_maps(config.out)
     for way, successes in zip(SOURCES, (3, 6, 9, 12), strict=True):
         _driven(config.out / f"{way.key}_seed4_15.jsonl", config, way.method, successes, 4)
     run(config)
@@ -207,10 +204,7 @@ def test_later_seeds_stand_beside_the_first(bundles: Path, tmp_path: Path) -> No
 def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:
     shutil.copytree(bundles / "ours_seed0", bundles / "truth_seed0")
     config = TableIV(bundles=bundles, rows="all", out=tmp_path / "out")
-    (config.out / "maps").mkdir(parents=True)
-    for room in ROOMS:
-        name = config.out / "maps" / f"{room.replace(':', '_')}.npz"
-        np.savez(name, occupied=np.eye(100, dtype=bool), resolution=0.05)
+    put_maps(config.out)
     for n, way in enumerate(WAYS):
         _driven(config.out / f"{way.key}_seed0_15.jsonl", config, way.method, 4 * n % 15)
     run(config)
