@@ -85,6 +85,9 @@ class RobotNode(Node):
         self._faults: frozenset[str] = frozenset()
         # Subscriptions come and go in the executor's thread only.
         self._changed = self.create_guard_condition(self._listen)
+        # Put off, so that commands which were sent before an answer are taken before it.
+        self._answers: list[MomentDone] = []
+        self._answered = self.create_guard_condition(self._take_answers)
 
     def connect(self, clock: bool, tilts: bool, lock_step: bool) -> None:
         """Make the publishers and subscriptions.
@@ -103,8 +106,16 @@ class RobotNode(Node):
         if tilts:
             self.create_subscription(Float64, TILT, lambda message: self._on_tilt(message.data), 10)
         if lock_step:
-            # After the commands, so that one thread takes them before the answer sent after them.
-            self.create_subscription(MomentDone, "simulator/moment_done", self._on_done, SURE)
+            self.create_subscription(MomentDone, "simulator/moment_done", self._on_answer, SURE)
+
+    def _on_answer(self, done: MomentDone) -> None:
+        self._answers.append(done)
+        self._answered.trigger()
+
+    def _take_answers(self) -> None:
+        answers, self._answers = self._answers, []
+        for done in answers:
+            self._on_done(done)
 
     def _serve(self) -> None:
         """Offer the robot's services and its action."""

@@ -36,10 +36,8 @@ class Options:
 
     scenes: Annotated[Path, tyro.conf.Positional]
     """Folder of the scenes."""
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(
-        default_factory=lambda: ["data2:test"]
-    )
-    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed."""
+    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
+    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; data2:test when absent."""
     noise: float = 1.0
     """Scale of the LiDAR's noise."""
 
@@ -84,7 +82,7 @@ def run(options: Options) -> None:
     """
     scanner = source_identity(Path(__file__).parent / f"{name}.py" for name in SCAN_FILES)
     source = f"{room_source()} {scanner} noise {options.noise}"
-    for kind, seed in tqdm(parse_rooms(options.rooms), unit="room"):
+    for kind, seed in tqdm(parse_rooms(options.rooms or ["data2:test"]), unit="room"):
         folder = room_folder(options.scenes, kind, seed)
         path = folder / SCANS
         if made_by(path) == source:

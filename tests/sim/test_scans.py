@@ -89,6 +89,13 @@ def test_rooms_that_were_scanned_are_not_scanned_again(scenes: Path) -> None:
     assert path.stat().st_mtime_ns == before
 
 
+def test_only_rooms_that_were_asked_for_are_scanned(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["scans", str(scenes), "--rooms", ROOM])
+    scans.main()  # exits where it looks for others, which are not there
+
+
 def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> None:
     scene = OfflineScene.load(room_folder(scenes, "bathroom", 3))
     with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:3"):
