@@ -14,7 +14,6 @@ import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +45,8 @@ SEEN = ("features", "detections")
 
 METHODS = ("plain", "ours")
 """Plain to compare with; the others of that table read no p_hat, so no LiDAR helps them."""
+SOURCES = ("own", "lidar", "both")
+"""Given to ours, in the order in which the quality of probabilities is told."""
 P_HATS = ("own", "zero", "lidar", "both", "true")
 
 DRIVERS: tuple[Row, ...] = tuple(
@@ -246,17 +247,19 @@ def draw(looks: Sequence[Look], path: Path) -> None:
     with mpl.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=(10.5, 3.6), layout="constrained")
         rates, aucs = figure.subplots(1, 2, sharex=True)
-        for name, colour in zip(looks[0].found, cycle(COLOURS)):
+        drivers = [_drives(f) for f in looks[0].found.values() if not f.veto]
+        colours = dict(zip(drivers, COLOURS[: len(drivers)], strict=True))
+        for name in looks[0].found:
             of = [look.found[name] for look in looks]
             rates.errorbar(
                 shifts, [100 * f.cf_sr_mean for f in of],
-                [100 * (f.cf_sr_std or 0) for f in of], color=colour, marker="o", ms=4, lw=1.5,
-                capsize=2, label=name, ls="--" if of[0].veto else "-",
+                [100 * (f.cf_sr_std or 0) for f in of], color=colours[_drives(of[0])], marker="o",
+                ms=4, lw=1.5, capsize=2, label=name, ls="--" if of[0].veto else "-",
             )  # fmt: skip
-        for n, quality in enumerate(looks[0].qualities):
+        for n, (quality, p_hat) in enumerate(zip(looks[0].qualities, SOURCES, strict=True)):
             aucs.plot(
-                shifts, [look.qualities[n].auc for look in looks], "o-", color=COLOURS[n + 1],
-                ms=4, label=quality.source,
+                shifts, [look.qualities[n].auc for look in looks], "o-",
+                color=colours["ours", p_hat], ms=4, label=quality.source,
             )  # fmt: skip
         rates.set(ylabel="CF-SR, %, ± std over seeds", ylim=(0, 100))
         aucs.set(ylabel="AUC of p̂", ylim=(0.5, 1))
@@ -269,6 +272,10 @@ def draw(looks: Sequence[Look], path: Path) -> None:
         )  # fmt: skip
         with writing(path), whole(path) as partial:
             figure.savefig(partial, dpi=130, format="png")
+
+
+def _drives(figures: Figures) -> tuple[str, str]:
+    return figures.method, figures.p_hat
 
 
 def main() -> None:
