@@ -79,8 +79,9 @@ class Study:
     grid: Path = Path("out/paper/grid")
     """Folder of a grid (cfnav benchmark), which gets the runs that it lacks."""
     results: Path = Path("out/paper/results")
-    """Folder that gets p_hat.md and p_hat.json; their names also bear the models where only some
-    were asked for, and the schedule where it is not the usual one: p_hat_tdanet_tenfold.md."""
+    """Folder that gets p_hat.md and p_hat.json; their names also bear the model where only one was
+    asked for, and schedule and first seed where these are not the usual one and 0:
+    p_hat_tdanet_tenfold_from_seed3.md."""
     seeds: int = 5
     """Of each row."""
     first_seed: int = 0
@@ -125,9 +126,15 @@ def run(study: Study) -> None:
     """Train, evaluate and write.
 
     Raises:
-        ValueError: the grid has not trained what is compared, or training failed.
+        ValueError: the grid has not trained what is compared, training failed, or a model is none
+            of the study.
         SceneError: the scenes cannot be used, or lack what the LiDAR says.
     """
+    if unknown := set(study.model) - {model for model, _ in STUDIES}:
+        raise ValueError(
+            f"found no study of {', '.join(sorted(unknown))}, expected "
+            f"{' or '.join(model for model, _ in STUDIES)}"
+        )
     studies = [of for of in STUDIES if not study.model or of[0] in study.model]
     places = Places(study.scenes.resolve(), study.grid.resolve())
     perception = Made.read(study.grid).perception
@@ -150,8 +157,10 @@ def run(study: Study) -> None:
             )
         ]  # fmt: skip
     study.results.mkdir(parents=True, exist_ok=True)
-    schedule = () if study.schedule == "usual" else (study.schedule,)
-    name = "_".join(("p_hat", *study.model, *schedule))
+    asked = [model for model, _ in studies] if len(studies) < len(STUDIES) else []
+    schedule = [study.schedule] if study.schedule != "usual" else []
+    later = [f"from_seed{study.first_seed}"] if study.first_seed else []
+    name = "_".join(["p_hat", *asked, *schedule, *later])
     write_file(
         study.results / f"{name}.json",
         json.dumps({"command": shlex.join(["python", "-m", __spec__.name, *sys.argv[1:]]),
@@ -159,7 +168,8 @@ def run(study: Study) -> None:
                     "seeds": study.seeds, "episodes": study.episodes,
                     "rows": [asdict(line) for line in found]}, indent=1) + "\n",
     )  # fmt: skip
-    page = as_markdown(found)
+    seeds = ", ".join(str(study.first_seed + n) for n in range(study.seeds))
+    page = f"{study.episodes:,} episodes of each training seed ({seeds}).\n\n{as_markdown(found)}"
     write_file(study.results / f"{name}.md", page)
     print(page)
 

@@ -1,9 +1,10 @@
 """Rooms in another light and lens: ``python -m cfnav_core.benchmark.shift_study``.
 
 On the robot the camera and the light are others than in training, and the paper replaces the RGB
-predictor by the LiDAR there. Here policies of table "tenfold" drive the frozen test episodes in the
-same rooms as they look in training and otherwise (``python -m sim_bridge.dataset --visual-shift``),
-given their own prediction, the LiDAR's, the larger of both, and the truth.
+predictor by the LiDAR there. Here plain and ours of table "tenfold" drive the frozen test episodes
+in the same rooms as they look in training and otherwise (``python -m sim_bridge.dataset
+--visual-shift``). Ours is given its own prediction, zero, the LiDAR's, the larger of both, and the
+truth; both also drive under the LiDAR's veto.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ SEEN = ("features", "detections")
 """What of a room may differ when it looks otherwise."""
 
 METHODS = ("plain", "ours")
-"""Plain to compare with; the others of that table read no p_hat, so no LiDAR helps them."""
+"""Reward Only and Stage Only read no p_hat, and Truth, which is told it, is none of the paper's."""
 SOURCES = ("own", "lidar", "both")
 """Given to ours, in the order in which the quality of probabilities is told."""
 P_HATS = ("own", "zero", "lidar", "both", "true")

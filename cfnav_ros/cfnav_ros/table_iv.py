@@ -229,7 +229,8 @@ def _write(config: TableIV, ways: Sequence[Way]) -> None:
     title = f"One trial of each goal by training seed {_seeds(config)[-1]}"
     title += _trained(config, ", trained ")
     picture = draw_table_iv(first, config.out / "maps", PLACES, title)
-    of = f"{config.trials}{_trained(config)}{_from(config, '_from_seed')}"
+    of = f"{config.trials}{'_sources' if shown is SOURCES else ''}"
+    of += f"{_trained(config)}{_from(config, '_from_seed')}"
     write_file(results / f"table_IV_{of}.png", picture)
 
 

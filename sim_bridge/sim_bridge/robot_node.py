@@ -85,7 +85,8 @@ class RobotNode(Node):
         self._faults: frozenset[str] = frozenset()
         # Subscriptions come and go in the executor's thread only.
         self._changed = self.create_guard_condition(self._listen)
-        # Put off, so that commands which were sent before an answer are taken before it.
+        # Put off by one turn of the executor, so that a command which was sent before an answer is
+        # taken before it; a policy sends one of each kind a moment.
         self._answers: list[MomentDone] = []
         self._answered = self.create_guard_condition(self._take_answers)
 

@@ -53,16 +53,20 @@ def wait(condition, each):
 def test_a_velocity_is_taken_before_the_answer_that_was_sent_after_it(ros_domain_id):
     taken = []
     with robot_in(ros_domain_id, taken) as (robot, executor, driver):
-        # The subscription to velocities is made anew, so it is younger than that to answers.
-        robot.suffer(frozenset({"cmd_deaf"}))
-        executor.spin_once(timeout_sec=1.0)
-        robot.suffer(frozenset())
-        executor.spin_once(timeout_sec=1.0)
         velocity = driver.create_publisher(TwistStamped, "cmd_vel", SURE)
         done = driver.create_publisher(MomentDone, "simulator/moment_done", SURE)
-        wait(lambda: velocity.get_subscription_count() and done.get_subscription_count(), ignore)
+
+        def spin():
+            executor.spin_once(timeout_sec=0.1)
+
+        wait(lambda: velocity.get_subscription_count() and done.get_subscription_count(), spin)
+        # The subscription to velocities is made anew, so it is younger than that to answers.
+        robot.suffer(frozenset({"cmd_deaf"}))
+        wait(lambda: not velocity.get_subscription_count(), spin)
+        robot.suffer(frozenset())
+        wait(velocity.get_subscription_count, spin)
         for moments in range(1, 21):
             velocity.publish(TwistStamped(twist=Twist()))
             done.publish(MomentDone(idle=False))
-            wait(lambda n=moments: len(taken) == 2 * n, lambda: executor.spin_once(timeout_sec=0.1))
+            wait(lambda n=moments: len(taken) == 2 * n, spin)
     assert taken == ["velocity", "answer"] * 20

@@ -198,7 +198,7 @@ def test_later_seeds_stand_beside_the_first(bundles: Path, tmp_path: Path) -> No
     assert [row["cf_sr_mean"] for row in (plain, own, both)] == [0.2, 0.6, 0.8]
     assert lidar["over_own"] == pytest.approx(-0.2)
     assert both["over_own"] == pytest.approx(0.2)
-    assert (config.out / "table_IV_15_from_seed4.png").exists()
+    assert (config.out / "table_IV_15_sources_from_seed4.png").exists()
 
 
 def test_drawn_rows_gain_over_drawn_plain(bundles: Path, tmp_path: Path) -> None:

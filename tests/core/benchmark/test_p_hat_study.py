@@ -59,7 +59,8 @@ def test_variants_stand_beside_the_grids_methods(study: Study) -> None:
     assert load_tensors(best)[1]["config"]["listening"]
     assert {path: path.stat().st_mtime_ns for path in before} == before
     page = (study.results / "p_hat_tdanet.md").read_text()
-    assert page.count("\n") == 2 + len(rows)
+    assert page.startswith("40 episodes of each training seed (0).\n")
+    assert page.count("\n") == 4 + len(rows)
 
 
 def test_it_goes_on_without_training_again(study: Study) -> None:
@@ -107,6 +108,11 @@ def test_it_asks_the_same_of_longer_training(study: Study) -> None:
     episodes = [run["hyperparameters"]["stage2_episodes"] for run in (short, long)]
     assert episodes[1] == 2 * episodes[0]
     assert (study.results / "p_hat_tdanet.md").read_text() == usual
+
+
+def test_a_model_of_no_study_is_told(study: Study) -> None:
+    with pytest.raises(ValueError, match="found no study of hoz, expected tdanet or lstde"):
+        run(replace(study, model=("tdanet", "hoz")))
 
 
 @pytest.mark.parametrize("seeds", [{"seeds": 2}, {"first_seed": 1}])

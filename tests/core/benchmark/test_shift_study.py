@@ -63,7 +63,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Study]:
 def test_the_same_policies_stand_beside_themselves_in_another_look(study: Study) -> None:
     usual, shifted = run(study)
     assert (usual.shift, shifted.shift) == (0.0, SHIFT)
-    assert list(usual.found) == list(shifted.found) == [row.name for row in DRIVERS]
+    assert list(usual.found) == list(shifted.found) == [
+        "TDANet", *(f"ours (TDANet){given}" for given in (
+            "", ", zero for p_hat", ", the true flag for p_hat", ", LiDAR for p_hat",
+            ", the larger of LiDAR and p_hat",
+        )), "TDANet, LiDAR veto", "ours (TDANet), LiDAR veto",
+    ]  # fmt: skip
     (best,) = study.grid.glob("runs/*_ours_tenfold_seed0_*/best.safetensors")
     frozen = study.episodes / "data2_test.json"
     for look, scenes in ((usual, study.scenes), (shifted, *study.shifted)):
