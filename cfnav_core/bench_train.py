@@ -226,6 +226,7 @@ def measure(row: Row, seconds: float) -> dict[str, Any]:
         going = bench.ranks.total(spent)[0] < seconds * bench.ranks.size
     rate = done / bench.ranks.size / (bench.time() - start)
     each_step, each_rollout = matmul_gflops(bench, row)
+    bench.ranks.leave()
     return {
         **asdict(row), "steps_per_cpu_s": round(rate, 1), "steps_per_s": round(done / spent, 1),
         "mflop_per_step": round(flops / 1e6, 2), "matmul_gflops": round(each_step, 1),

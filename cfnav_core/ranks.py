@@ -14,6 +14,11 @@ from dataclasses import dataclass
 
 import torch
 import torch.distributed as dist
+
+# Loaded before there is a group, not only with the first optimizer: its functions take the group
+# there is as a default, and so keep it. A group that is kept goes on with its threads, which may
+# abort the process while Python ends (pytorch #179291).
+import torch.distributed.nn
 from torch import Tensor
 
 from cfnav_core.env import Part
@@ -100,12 +105,8 @@ class Ranks:
         for gradient in gradients:
             gradient /= self.size
 
-    def wait(self) -> None:
-        """Until everybody is here."""
+    def leave(self) -> None:
+        """Wait until everybody is here, and part."""
         if self.size > 1:
             dist.barrier()
-
-    def leave(self) -> None:
-        """At the end of the run."""
-        if self.size > 1:
             dist.destroy_process_group()

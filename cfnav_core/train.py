@@ -111,7 +111,6 @@ def train(options: TrainOptions) -> Path:
         execution, running = Synchronous(run), nullcontext()
     with running, _told_to_stop() as told:
         _rounds(run, execution, told)
-    run.ranks.wait()
     run.ranks.leave()
     if run.episodes < run.total:
         raise KeyboardInterrupt(

@@ -46,7 +46,8 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1"}
 def test_two_ranks_do_what_one_does(scenes, tmp_path):
     for name, launcher in (("one", ()), ("two", TORCHRUN)):
         line = command(scenes, tmp_path / name, *launcher)
-        subprocess.run(line, check=True, capture_output=True, env=ONE_THREAD)
+        done = subprocess.run(line, capture_output=True, text=True, env=ONE_THREAD)
+        assert done.returncode == 0, done.stderr
     (one, head), (two, other) = (
         load_tensors(tmp_path / name / CHECKPOINT) for name in ("one", "two")
     )
@@ -61,6 +62,27 @@ def test_two_ranks_do_what_one_does(scenes, tmp_path):
         for name in ("one", "two")
     ]
     assert [row["sr"] for row in logs[0]] == [row["sr"] for row in logs[1]]
+
+
+THREADS = """
+from pathlib import Path
+from cfnav_core.cli import main
+main()
+names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+assert "pt_gloo_runloop" not in names, names
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the names of threads in /proc")
+def test_no_thread_of_the_group_outlives_a_run(scenes, tmp_path):
+    # one that lets go of a tensor while Python ends aborts the process
+    script = tmp_path / "train.py"
+    script.write_text(THREADS)
+    line = command(scenes, tmp_path / "run", *TORCHRUN)
+    at = line.index("cfnav_core.cli")
+    line[at - 1 : at + 1] = [str(script)]
+    done = subprocess.run(line, capture_output=True, text=True, env=ONE_THREAD)
+    assert done.returncode == 0, done.stderr
 
 
 def test_ranks_that_are_told_to_stop_write_a_checkpoint(scenes, tmp_path):
