@@ -36,10 +36,13 @@ def _fail_instead_of_skip(report: pytest.TestReport | pytest.CollectReport) -> N
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
-    item: pytest.Item,
+    item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Turns the skip of a ROS test into a failure where ROS is required."""
+    """Shows what a failed command said; turns a skip into a failure where ROS is required."""
     report = yield
+    error = call.excinfo and call.excinfo.value
+    if isinstance(error, subprocess.CalledProcessError):
+        report.sections.append(("stderr of the command", str(error.stderr)))
     if os.environ.get("CFNAV_REQUIRE_ROS") and item.get_closest_marker("ros"):
         _fail_instead_of_skip(report)
     return report

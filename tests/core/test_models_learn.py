@@ -37,7 +37,7 @@ def make_knowledge(folder: Path, *more: str) -> None:
     subprocess.run(
         [sys.executable, "-m", "cfnav_core.cli", "data", "knowledge", str(folder / "scenes"),
          "--rooms", *TRAIN, *more, "--out", str(folder / "known.safetensors")],
-        check=True, capture_output=True,
+        check=True, capture_output=True, text=True,
     )  # fmt: skip
 
 

@@ -46,8 +46,7 @@ ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1"}
 def test_two_ranks_do_what_one_does(scenes, tmp_path):
     for name, launcher in (("one", ()), ("two", TORCHRUN)):
         line = command(scenes, tmp_path / name, *launcher)
-        done = subprocess.run(line, capture_output=True, text=True, env=ONE_THREAD)
-        assert done.returncode == 0, done.stderr
+        subprocess.run(line, check=True, capture_output=True, text=True, env=ONE_THREAD)
     (one, head), (two, other) = (
         load_tensors(tmp_path / name / CHECKPOINT) for name in ("one", "two")
     )
@@ -81,8 +80,7 @@ def test_no_thread_of_the_group_outlives_a_run(scenes, tmp_path):
     line = command(scenes, tmp_path / "run", *TORCHRUN)
     at = line.index("cfnav_core.cli")
     line[at - 1 : at + 1] = [str(script)]
-    done = subprocess.run(line, capture_output=True, text=True, env=ONE_THREAD)
-    assert done.returncode == 0, done.stderr
+    subprocess.run(line, check=True, capture_output=True, text=True, env=ONE_THREAD)
 
 
 def test_ranks_that_are_told_to_stop_write_a_checkpoint(scenes, tmp_path):
