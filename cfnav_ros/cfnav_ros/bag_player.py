@@ -31,6 +31,9 @@ SETTLE_S = 0.5
 LOOK_S = 1.0
 """Between looks for somebody else who publishes the same."""
 
+LINGER_S = 1.0
+"""Listeners who listen best effort acknowledge nothing; a busy one may take so long."""
+
 LATE_S = 0.5
 """A play that falls further behind, as on a machine that was suspended, does not catch up."""
 
@@ -64,6 +67,8 @@ class Player:
 
     def __exit__(self, *_: object) -> None:
         """Leave the domain once those who listen have got the last messages."""
+        if self._publishers:
+            time.sleep(LINGER_S)
         for publisher in self._publishers.values():
             with suppress(RuntimeError):
                 publisher.wait_for_all_acked(Duration(seconds=0.2))

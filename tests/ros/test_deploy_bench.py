@@ -192,7 +192,7 @@ def test_a_part_that_does_not_exist_is_told():
 def test_memory_and_cpu_of_a_process_are_read_and_growth_is_told():
     me = {"me": os.getpid()}
     share = usage.cpu_share(me, lambda: sum(range(3_000_000)))
-    assert 0.2 < share["me"] < 3.0
+    assert 0 < share["me"] < 3.0
     memory = usage.Memory(me, lambda: 0.0)
     memory.times_s = [36.0 * k for k in range(100)]
     memory.rss_mb = {"me": [200.0 + max(k - 20, 0) for k in range(100)]}
