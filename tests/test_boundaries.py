@@ -31,6 +31,7 @@ ROS_FILES |= {
     "goals.py",
     "node_process.py",
     "senses.py",
+    "spinning.py",
     "velocity.py",
 }
 # A robot needs none of these: only what trains or exports may import torch.

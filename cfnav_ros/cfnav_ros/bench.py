@@ -11,7 +11,6 @@ import os
 import platform
 import shlex
 import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,6 @@ from cfnav_interfaces.msg import PolicyDecision
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -47,6 +45,7 @@ from cfnav_ros.live_figures import (
 )
 from cfnav_ros.plan import Trial, parse_list
 from cfnav_ros.processes import GraphError
+from cfnav_ros.spinning import SpinningThread
 
 HEAR_S = 30.0
 """Patience with messages that must come, real seconds."""
@@ -116,9 +115,7 @@ class Listener:
         for name, (kind, topic) in SENSORS.items():
             self._note(name, kind, topic, _SENSOR_QOS)
         self._node.create_subscription(PolicyDecision, "policy/decision", self._on_decision, 50)
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="bench")
+        self._thread = SpinningThread(self._node)
 
     def __enter__(self) -> Listener:
         """Begin to listen."""
@@ -127,8 +124,7 @@ class Listener:
 
     def __exit__(self, *_: object) -> None:
         """Stop listening."""
-        self._executor.shutdown()
-        self._thread.join()
+        self._thread.end()
         self._node.destroy_node()
 
     @property
@@ -162,12 +158,6 @@ class Listener:
         decided = conversions.stamp_to_ns(message.header.stamp)
         image = conversions.stamp_to_ns(message.image_stamp)
         self._decisions.append(HeardDecision(arrived, decided, image))
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return
 
 
 def wait_for(graph: Graph, condition: Callable[[], bool], what: str) -> None:

@@ -21,7 +21,6 @@ from ament_index_python.packages import get_package_share_path
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -38,6 +37,7 @@ from cfnav_ros import conversions
 from cfnav_ros.arrival_order import ArrivalOrder
 from cfnav_ros.bag_writer import BagWriter, typestore_with
 from cfnav_ros.preflight import STAMPED, UNSTAMPED, explain_silence
+from cfnav_ros.spinning import SpinningThread
 
 NODE_NAME = "recorder"
 """The policy node knows by this name that a listener on ``cmd_vel`` is no robot."""
@@ -134,8 +134,6 @@ class Recorder:
         self._heard = threading.Condition()
         self._error: Exception | None = None
         self._node = Node(NODE_NAME, context=context)
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self._node)
         self._undecided: list[Topic] = []
         self._subscriptions: list[tuple[str, Subscription]] = []
         renamed = {IMAGE: image_topic, camera_info(IMAGE): camera_info(image_topic)}
@@ -146,7 +144,7 @@ class Recorder:
                 self._subscribe(replace(topic, name=renamed.get(topic.name, topic.name)))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(DECIDE_S, self._decide, clock=steady)
-        self._thread = threading.Thread(target=self._spin, name=NODE_NAME)
+        self._thread = SpinningThread(self._node, self._fail)
         self._thread.start()
 
     @property
@@ -255,23 +253,17 @@ class Recorder:
                 self._clock_ns = seconds * 1_000_000_000 + nanoseconds
             self._writer.write(name, arrived_ns if self._system_time else self._clock_ns, cdr)
 
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return
-        except Exception as error:  # raised again in the caller's thread
-            with self._heard:
-                self._error = error
-                self._heard.notify_all()
+    def _fail(self, error: Exception) -> None:
+        with self._heard:
+            self._error = error  # raised again in the caller's thread
+            self._heard.notify_all()
 
     def _raise_error(self) -> None:
         if self._error is not None:
             raise self._error
 
     def _stop(self) -> None:
-        self._executor.shutdown()
-        self._thread.join()
+        self._thread.end()
         self._node.destroy_node()
 
 

@@ -4,7 +4,6 @@ import math
 import os
 import subprocess
 import sys
-import threading
 import time
 from array import array
 from contextlib import contextmanager
@@ -20,11 +19,11 @@ from cfnav_interfaces.msg import (
     PolicyDecision,
 )
 from cfnav_ros.conversions import ns_to_stamp, stamp_to_ns
+from cfnav_ros.spinning import SpinningThread
 from geometry_msgs.msg import TwistStamped
 from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -72,16 +71,8 @@ class Robot:
         self.decisions, self.statuses = [], []
         self._make_topics(velocity)
         self.client = ActionClient(self.node, NavigateToObject, "navigate_to_object")
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.thread = threading.Thread(target=self._spin)
+        self.thread = SpinningThread(self.node)
         self.thread.start()
-
-    def _spin(self):
-        try:
-            self.executor.spin()
-        except ExternalShutdownException:
-            return
 
     def _make_topics(self, velocity):
         node = self.node
@@ -235,8 +226,7 @@ class Robot:
         self.wait(lambda: self.v > 0.1, "the robot to drive")
 
     def close(self):
-        self.executor.shutdown()
-        self.thread.join()
+        self.thread.end()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
@@ -278,8 +268,17 @@ def policy_graph(folder, domain):
             if isinstance(thing, Robot):
                 thing.close()
             elif thing.poll() is None:
-                thing.kill()
-                thing.wait()
+                end(thing)
+
+
+def end(process):
+    """Ends a node so that the graph hears of it: a killed one haunts its domain, and /dev/shm."""
+    process.terminate()
+    try:
+        process.wait(DEADLINE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def end_with(process, number):

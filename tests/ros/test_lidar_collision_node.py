@@ -28,6 +28,7 @@ from sensor_msgs.msg import LaserScan  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
 from tests.ros.lidar_scans import TURN_S, behind_posts, noisy, scan_of, wall_ahead  # noqa: E402
+from tests.ros.policy_graph import end  # noqa: E402
 
 DEADLINE_S = 60.0
 
@@ -119,16 +120,6 @@ def start(domain, folder, *parameters):
     }
     with (folder / "log").open("w") as log:
         return subprocess.Popen(command, env=env, stdout=log, stderr=log)
-
-
-def end(process):
-    """Ends the node so that the graph hears of it: one that is killed haunts its domain a while."""
-    process.terminate()
-    try:
-        process.wait(DEADLINE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 @pytest.fixture
