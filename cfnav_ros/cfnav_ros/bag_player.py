@@ -67,8 +67,8 @@ class Player:
 
     def __exit__(self, *_: object) -> None:
         """Leave the domain once those who listen have got the last messages."""
-        if self._publishers:
-            time.sleep(LINGER_S)
+        if self.played:
+            self._until(time.monotonic() + LINGER_S)
         for publisher in self._publishers.values():
             with suppress(RuntimeError):
                 publisher.wait_for_all_acked(Duration(seconds=0.2))
