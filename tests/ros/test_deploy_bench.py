@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -191,8 +192,10 @@ def test_a_part_that_does_not_exist_is_told():
 
 def test_memory_and_cpu_of_a_process_are_read_and_growth_is_told():
     me = {"me": os.getpid()}
-    share = usage.cpu_share(me, lambda: sum(range(3_000_000)))
-    assert 0 < share["me"] < 3.0
+    used, began = time.process_time(), time.monotonic()
+    share = usage.cpu_share(me, lambda: sum(range(30_000_000)))
+    expected = (time.process_time() - used) / (time.monotonic() - began)
+    assert share["me"] == pytest.approx(expected, abs=0.1)  # the kernel counts in ticks of 10 ms
     memory = usage.Memory(me, lambda: 0.0)
     memory.times_s = [36.0 * k for k in range(100)]
     memory.rss_mb = {"me": [200.0 + max(k - 20, 0) for k in range(100)]}

@@ -113,6 +113,9 @@ def test_undock_backs_off_turns_around_and_wakes_the_sensors(robot):
 
 
 def test_robot_that_is_not_docked_refuses_to_undock(robot):
+    if robot.last("dock_status").is_docked:
+        undock(robot)
+        robot.wait(lambda: not robot.last("dock_status").is_docked, "the dock's status")
     status, result = undock(robot)
     assert status == GoalStatus.STATUS_ABORTED
     assert not result.is_docked
