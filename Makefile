@@ -1,6 +1,6 @@
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-test demo test test-long lint bench bench-train bench-deploy bench-bag train-demo reproduce clean
+.PHONY: help setup setup-test demo test test-long lint house gif bench bench-train bench-deploy bench-bag train-demo reproduce clean
 
 PYTHON ?= python3
 OUT ?= out/demo
@@ -22,7 +22,7 @@ setup-test: ## The same, with what tests and training need
 	@$(PYTHON) scripts/set_up.py --test
 
 demo: setup ## Drive a simulated TurtleBot 4 to objects: ROOM=kitchen:25 GOALS=Fridge,Laptop SEED=2 SPEED=1
-	@$(ENV) exec python -m cfnav_ros.demo $(if $(ROOM),--room $(ROOM)) $(if $(GOALS),--goals $(GOALS)) \
+	@$(ENV) exec cfnav demo $(if $(ROOM),--room $(ROOM)) $(if $(GOALS),--goals $(GOALS)) \
 	  $(if $(SEED),--seed $(SEED)) $(if $(SPEED),--speed $(SPEED)) --out $(OUT)
 
 test: setup-test ## Run the tests, the ROS graph included (TESTS=tests/ros for a part)
@@ -34,17 +34,23 @@ test-long: setup-test ## Run the tests that take minutes
 lint: setup-test ## Check style, types and spelling
 	@$(ENV) ruff check . && ruff format --check . && codespell && mypy
 
+house: setup ## Print lines by folder, the largest files and whether the import rules hold (SINCE=revision)
+	@$(ENV) exec python -m studies.house $(if $(SINCE),--since $(SINCE))
+
+gif: setup ## Make docs/drive.gif of the first drive that make demo left
+	@$(ENV) exec python -m studies.bags.drive_gif --bag $(OUT)/bag --out docs/drive.gif
+
 bench: setup ## Measure the live graph and write out/bench
-	@$(ENV) exec python -m cfnav_ros.bench --out $(BENCH_OUT)
+	@$(ENV) exec python -m studies.bench.live --out $(BENCH_OUT)
 
 bench-train: setup-test ## Measure training and write out/bench/train.json
-	@$(ENV) exec python -m cfnav_core.bench_train --out $(BENCH_OUT)
+	@$(ENV) exec python -m studies.bench.train --out $(BENCH_OUT)
 
 bench-deploy: setup-test ## Measure faults, motions, LiDAR, CPU and memory on live graphs; goes on where it stopped (RUNS=5)
-	@$(ENV) exec python -m tests.deploy.bench --out $(BENCH_OUT) $(if $(RUNS),--runs $(RUNS)) $(if $(ONLY),--only $(ONLY))
+	@$(ENV) exec python -m studies.deploy.bench --out $(BENCH_OUT) $(if $(RUNS),--runs $(RUNS)) $(if $(ONLY),--only $(ONLY))
 
 bench-bag: setup-test ## Measure how bags are read, replayed and judged; goes on where it stopped
-	@$(ENV) exec python -m tests.bags.bench --out $(BENCH_OUT) $(if $(ONLY),--only $(ONLY))
+	@$(ENV) exec python -m studies.bags.bench --out $(BENCH_OUT) $(if $(ONLY),--only $(ONLY))
 
 train-demo: setup-test ## Remake the shipped bundle from nothing (hours)
 	@$(ENV) exec scripts/train_demo.sh

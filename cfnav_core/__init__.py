@@ -1,6 +1,6 @@
-"""Collision-aware object-goal navigation: data, training, metrics and the deployable policy.
+"""Learning and deciding: task, scenes, models, training, and the policy that a robot runs.
 
-Knows neither ROS nor a simulator; ``cfnav_ros`` and ``sim_bridge`` build on it.
+Knows no ROS and no simulator. The folders below say what each of them holds and may import.
 """
 
 __version__ = "0.1.0"

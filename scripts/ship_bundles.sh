@@ -9,9 +9,9 @@ cd "$(dirname "$0")/.."
 
 out=${OUT:-out/paper}
 results=${RESULTS:-$out/results}
-perception=cfnav_core/bundles/default/perception.onnx
+perception=cfnav_core/bundles/shared/perception-2832f1d31056fdb8.onnx
 
-best=$(python -m cfnav_core.benchmark.best --results "$results" --grid "$out/grid")
+best=$(python -m studies.paper.best --results "$results" --grid "$out/grid")
 while read -r model split run plain; do
   [ -n "$model" ] || continue # none is at hand
   metrics=$out/metrics_$model.json

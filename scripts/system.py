@@ -1,4 +1,4 @@
-"""What the machine itself must have: a compiler, Python's headers, an OpenGL library.
+"""What the machine itself brings: its Python, a sourced ROS, a compiler, an OpenGL library.
 
 Installs what is missing through apt where this user may; otherwise says in one line what to do.
 """
@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,16 +82,13 @@ def how_to_install(missing: Sequence[Need]) -> str:
     """One sentence: what is missing and how to get it."""
     what = ", ".join(need.what for need in missing)
     packages = " ".join(dict.fromkeys(need.package for need in missing))
+    how = f"Run `sudo apt-get install {packages}`"
     if shutil.which("apt-get") is None:
-        return (
-            f"Missing on this machine: {what}. There is no apt-get here: install them with your "
-            f"system's package manager (in Debian they are {packages}), then run the same command "
-            "again."
+        how = (
+            "There is no apt-get here: install them with your system's package manager (in Debian "
+            f"they are {packages})"
         )
-    return (
-        f"Missing on this machine: {what}. Run `sudo apt-get install {packages}`, then the same "
-        "command again."
-    )
+    return f"Missing on this machine: {what}. {how}, then the same command again."
 
 
 def check_python(version: tuple[int, int]) -> None:
@@ -142,3 +139,34 @@ def install_missing(run: Callable[[Sequence[str], str], None], tell: Callable[[s
     still = [need for need in required if not need.present()]
     if still:
         raise SetupError(how_to_install(still))
+
+
+def find_ros(variables: Mapping[str, str], record: Path) -> Path:
+    """Which ROS to use: the sourced one, the one used at the last set-up, or the wheels.
+
+    Args:
+        variables: The caller's environment.
+        record: File in `.venv/cfnav` that names the ROS of the last set-up.
+
+    Returns:
+        Its prefix, such as /opt/ros/jazzy; that of the wheels is `.venv`.
+
+    Raises:
+        SetupError: Another distribution than Jazzy is sourced.
+    """
+    for prefix in filter(None, variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        path = Path(prefix)
+        # A virtual environment with the wheels (a sourced scripts/env.sh) is no ROS installation.
+        if not (path / "share/rclpy/package.xml").exists() or (path / "pyvenv.cfg").exists():
+            continue
+        distribution = variables.get("ROS_DISTRO", "unknown")
+        if distribution != "jazzy":
+            raise SetupError(
+                f"Found ROS '{distribution}' sourced from {prefix}; cfnav needs 'jazzy'. Source "
+                "that one, or run from a shell without ROS and cfnav installs its own."
+            )
+        return path
+    recorded = Path(record.read_text().strip()) if record.exists() else None
+    if recorded and (recorded / "setup.bash").exists():
+        return recorded
+    return record.parent.parent

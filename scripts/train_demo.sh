@@ -22,12 +22,12 @@ rooms() { # rooms FLAG RANGE: "FLAG type:RANGE" for each type
   for type in kitchen living_room bedroom bathroom; do printf '%s %s:%s ' "$1" "$type" "$2"; done
 }
 
-python -m sim_bridge.dataset $(rooms --rooms $perception_rooms) --views $views --out "$out/views"
+cfnav rooms make $(rooms --rooms $perception_rooms) --views $views --out "$out/views"
 perception=$out/perception/perception.onnx
-[ -f "$perception" ] || python -m cfnav_core.train_perception \
+[ -f "$perception" ] || cfnav perception \
   --data "$out/views" --out "$perception" --pictures $pictures --seed "$seed"
 for range in $training $validation $test; do
-  python -m sim_bridge.dataset $(rooms --rooms $range) --perception "$perception" --out "$out/scenes"
+  cfnav rooms make $(rooms --rooms $range) --perception "$perception" --out "$out/scenes"
 done
 
 train() { # train METHOD [MORE]: a run in out/METHOD
@@ -46,10 +46,10 @@ done
 cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
   --frozen docs/episodes/test_rooms_20-25.json --json "$out/metrics.json"
 for method in plain ours; do
-  python -m cfnav_ros.trials episodes --episodes 60 --speed 0 --bundle "$out/bundle_$method" \
+  python -m studies.live.trials episodes --episodes 60 --speed 0 --bundle "$out/bundle_$method" \
     --out "$out/live/$method.jsonl"
 done
-python -m cfnav_ros.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \
+python -m studies.live.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \
   --json "$out/live.json"
 cfnav export "$out/ours/best.safetensors" --perception "$perception" \
   --name ours --metrics "$out/metrics.json" --live "$out/live.json" \

@@ -3,7 +3,9 @@
 from setuptools import find_packages, setup
 
 PACKAGE = "sim_bridge"
-EXECUTABLES = ("mock_turtlebot4", "dataset")
+EXECUTABLES = {"mock_turtlebot4": "ros", "dataset": "data"}
+"""Name of each executable to the folder of its module."""
+
 
 setup(
     name=PACKAGE,
@@ -13,7 +15,11 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    entry_points={"console_scripts": [f"{name} = {PACKAGE}.{name}:main" for name in EXECUTABLES]},
+    entry_points={
+        "console_scripts": [
+            f"{name} = {PACKAGE}.{folder}.{name}:main" for name, folder in EXECUTABLES.items()
+        ]
+    },
     install_requires=["setuptools"],
     zip_safe=False,
 )

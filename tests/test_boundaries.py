@@ -1,47 +1,25 @@
-"""The arrows between the packages, and ROS only at the edge."""
+"""The import rules of the house, which ``studies.house`` reads from each folder's ``__init__``."""
 
 from __future__ import annotations
 
-import ast
 import subprocess
 import sys
-from pathlib import Path
+from graphlib import TopologicalSorter
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = {
-    "cfnav_core": ROOT / "cfnav_core",
-    "cfnav_ros": ROOT / "cfnav_ros/cfnav_ros",
-    "sim_bridge": ROOT / "sim_bridge/sim_bridge",
-}
-MAY_NOT_IMPORT = {
-    "cfnav_core": {"cfnav_ros", "sim_bridge", "mujoco"},
-    "cfnav_ros": {"sim_bridge", "mujoco", "torch"},
-    "sim_bridge": {"cfnav_ros"},
-}
-ROS = {"rclpy", "cfnav_interfaces", "geometry_msgs", "irobot_create_msgs", "nav_msgs"}
-ROS |= {"rosgraph_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "action_msgs", "rcl_interfaces"}
-ROS |= {"diagnostic_msgs", "std_srvs", "visualization_msgs"}
-ROS_FILES = {"mock_turtlebot4.py", "conversions.py", "parameters.py", "graph.py", "recorder.py"}
-ROS_FILES |= {
-    "bag_play.py",
-    "bag_player.py",
-    "bench.py",
-    "goals.py",
-    "node_process.py",
-    "senses.py",
-    "spinning.py",
-    "velocity.py",
-}
-# A robot needs none of these: only what trains or exports may import torch.
+from studies.house import FOLDERS, HEAVY, MODULES, covers, forbidden_imports, rule, speaks_ros
+
+MOST_FILES = 23
+
+# A robot needs none of these: only what trains or exports may load torch.
 TORCH_FREE = (
-    "cfnav_core.policy", "cfnav_core.perception", "cfnav_core.bundle", "cfnav_core.cli",
-    "cfnav_core.metrics", "cfnav_core.bench_policy", "sim_bridge.world",
+    "cfnav_core.policy.policy", "cfnav_core.policy.bundle", "cfnav_core.perception.perception",
+    "cfnav_core.task.metrics", "cfnav.cli", "sim_bridge.world.world", "studies.bench.policy",
 )  # fmt: skip
 
 LOAD = """
-import importlib, json, sys
+import importlib, sys
 forbidden, names = set(sys.argv[1].split(",")), sys.argv[2:]
 for name in names:
     importlib.import_module(name)
@@ -52,45 +30,33 @@ print(len(names))
 """
 
 
-def files(package: str) -> list[Path]:
-    found = FOLDERS[package].rglob("*.py")
-    return sorted(p for p in found if p.name != "setup.py" and "resource" not in p.parts)
+def test_every_folder_has_a_rule():
+    without = [name for name in FOLDERS if rule(name) is None]
+    assert without == ["cfnav_core", "cfnav_ros", "sim_bridge"]  # they hold folders only
+    known = HEAVY | set(FOLDERS)
+    assert {n for name in FOLDERS for n in rule(name) or () if n not in known} == set()
 
 
-def module(package: str, path: Path) -> str:
-    inside = path.relative_to(FOLDERS[package]).with_suffix("")
-    return ".".join([package, *(part for part in inside.parts if part != "__init__")])
+@pytest.mark.parametrize("name", MODULES)
+def test_a_module_imports_what_its_folder_may(name):
+    assert list(forbidden_imports(name)) == []
 
 
-def is_at_the_edge(path: Path) -> bool:
-    return path.name.endswith("_node.py") or path.name in ROS_FILES
+def test_the_rules_have_no_circle():
+    """Of a folder and the folders below it only one is named: they are one house."""
+    uses = {
+        name: {a for a in rule(name) or () if a in FOLDERS and not covers(a, name)}
+        for name in FOLDERS
+        if "." in name
+    }
+    list(TopologicalSorter(uses).static_order())
 
 
-def imported(path: Path) -> set[str]:
-    """Top-level names of every import statement, also of those inside functions."""
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names.add(node.module.split(".")[0])
-    return names
-
-
-EVERY_FILE = [(package, path) for package in FOLDERS for path in files(package)]
-IDS = [module(package, path) for package, path in EVERY_FILE]
-
-
-def test_every_package_has_modules():
-    assert all(len(files(package)) > 3 for package in FOLDERS)
-
-
-@pytest.mark.parametrize(("package", "path"), EVERY_FILE, ids=IDS)
-def test_import_statements_follow_the_arrows(package, path):
-    names = imported(path)
-    assert not names & MAY_NOT_IMPORT[package]
-    if not is_at_the_edge(path):
-        assert not names & ROS, "ROS stands at the edge: see the rules in ARCHITECTURE.md"
+def test_no_folder_is_too_full():
+    count = {
+        f: sum(p.parent == path.parent for p in MODULES.values()) for f, path in FOLDERS.items()
+    }
+    assert {folder: n for folder, n in count.items() if n > MOST_FILES} == {}
 
 
 def load(forbidden: set[str], *names: str) -> subprocess.CompletedProcess[str]:
@@ -99,16 +65,23 @@ def load(forbidden: set[str], *names: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 
-@pytest.mark.parametrize("package", FOLDERS)
-def test_importing_what_is_pure_loads_no_ros(package):
-    names = [module(package, p) for p in files(package) if not is_at_the_edge(p)]
-    done = load({"rclpy"} | MAY_NOT_IMPORT[package], *names)
+@pytest.mark.parametrize(
+    ("package", "forbidden"),
+    [
+        ("cfnav_core", {"rclpy", "mujoco", "cfnav_ros", "sim_bridge"}),
+        ("cfnav_ros", {"rclpy", "mujoco", "torch", "sim_bridge"}),
+        ("sim_bridge", {"rclpy", "torch", "cfnav_ros"}),
+    ],
+)
+def test_importing_what_is_pure_loads_no_ros(package, forbidden):
+    names = [n for n in MODULES if covers(package, n) and not speaks_ros(n)]
+    done = load(forbidden, *names)
     assert (done.returncode, done.stderr) == (0, "")
     assert int(done.stdout) == len(names)
 
 
 def test_the_check_finds_what_it_looks_for():
-    done = load({"numpy"}, "cfnav_core.actions", "cfnav_core.perception")
+    done = load({"numpy"}, "cfnav_core.task.actions", "cfnav_core.perception.perception")
     assert done.returncode == 1
     assert "loads ['numpy']" in done.stderr
 

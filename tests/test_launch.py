@@ -1,7 +1,7 @@
 """The launch files: run by the real launch where it can be imported, read where it cannot.
 
 The nodes are stand-ins in an ament prefix of the test: they write down how they were started. That
-the nodes understand these arguments is held by tests/ros/test_bringup.py.
+the nodes understand these arguments is held by tests/ros/live/test_bringup.py.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from pathlib import Path
 import pytest
 import tyro
 import yaml
-from cfnav_ros.bags.playing import PlayOptions
+from cfnav_ros.bags.files.playing import PlayOptions
 
+from cfnav_core.robot.robot import SHIPPED
 from tests.conftest import ROOT, RunningProcess, wait_until
 
 BRINGUP = ROOT / "ros_ws/src/cfnav_bringup"
@@ -74,7 +75,7 @@ def arguments_of(file: Path) -> set[str]:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_a_launch_file_is_python_with_arguments(file: Path) -> None:
     compile(file.read_text(), str(file), "exec")
-    assert {"params", "namespace", "bundle", "goal", "rviz"} <= arguments_of(file)
+    assert {"robot", "params", "namespace", "bundle", "goal", "rviz"} <= arguments_of(file)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
@@ -167,16 +168,18 @@ def parameters(start: dict, node: str) -> dict:
 
 def test_robot_starts_both_nodes_with_the_file_and_what_was_given(launch: Callable) -> None:
     run = launch(
-        *("robot.launch.py", "params:=turtlebot4_stock.yaml", "namespace:=robot1"),
-        *("goal:=Laptop", "bundle:=/somewhere", "mast_height:=1.3"),
+        *("robot.launch.py", "robot:=turtlebot4_mast", "namespace:=robot1"),
+        *("goal:=Laptop", "bundle:=/somewhere"),
         ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET",
         ROS_DOMAIN_ID="7",
     )
     policy, lidar = run.start("policy_node"), run.start("lidar_collision_node")
     given = parameters(policy, "policy_node")
     assert (given["goal"], given["bundle"]) == ("Laptop", "/somewhere")
-    assert given["episode"]["has_tilt"] is False
-    assert "goal" not in parameters(lidar, "lidar_collision_node")
+    assert (given["robot"], given["allow_robot"]) == ("turtlebot4_mast", True)
+    judged = parameters(lidar, "lidar_collision_node")
+    assert judged["robot"] == "turtlebot4_mast"
+    assert "goal" not in judged
     for start in (policy, lidar):
         assert "__ns:=/robot1" in start["arguments"]
         assert {"/tf:=tf", "/tf_static:=tf_static"} <= set(start["arguments"])
@@ -188,16 +191,17 @@ def test_robot_starts_both_nodes_with_the_file_and_what_was_given(launch: Callab
 
 
 def test_only_what_was_given_overrides_the_file(launch: Callable) -> None:
-    run = launch("robot.launch.py", f"params:={BRINGUP / 'config/turtlebot4_lite.yaml'}")
+    robot = SHIPPED / "turtlebot4_lite.yaml"
+    run = launch("robot.launch.py", f"robot:={robot}", f"params:={BRINGUP / 'config/robot.yaml'}")
     policy = run.start("policy_node")
-    assert len(policy["files"]) == 1
     given = parameters(policy, "policy_node")
-    assert given["goal"] == ""
-    assert not {"bundle", "wait_for_recorder"} & set(given)
+    assert (given["goal"], given["robot"]) == ("", str(robot))
+    assert not {"bundle", "wait_for_recorder", "use_sim_time"} & set(given)
+    assert not run.starts("static_transform_publisher")
 
 
 def test_the_lidar_node_comes_back_and_the_velocity_owner_ends_everything(launch: Callable) -> None:
-    run = launch("robot.launch.py", "params:=turtlebot4_mast.yaml")
+    run = launch("robot.launch.py", "robot:=turtlebot4_mast")
     policy, lidar = run.start("policy_node"), run.start("lidar_collision_node")
     os.kill(lidar["pid"], signal.SIGKILL)
     run.start("lidar_collision_node", times=2)
@@ -213,7 +217,7 @@ def interrupt(pids: list[int]) -> None:
 
 
 def test_ctrl_c_in_a_terminal_ends_it_cleanly(launch: Callable) -> None:
-    run = launch("robot.launch.py", "params:=turtlebot4_mast.yaml")
+    run = launch("robot.launch.py", "robot:=turtlebot4_mast")
     nodes = [run.start(name)["pid"] for name in ("policy_node", "lidar_collision_node")]
     run.process.wait_for_line("policy_node-.*started")
     interrupt([run.process.process.pid, *nodes])  # as a terminal does: the whole group
@@ -233,9 +237,15 @@ def test_nodes_end_with_a_launch_that_is_killed(launch: Callable, sign: int) -> 
 
 
 def test_a_parameter_file_that_is_not_there_is_a_sentence(launch: Callable) -> None:
-    run = launch("robot.launch.py", "params:=turtlebot3.yaml")
+    run = launch("robot.launch.py", "robot:=turtlebot4", "params:=turtlebot3.yaml")
     assert run.process.wait() == 1
-    assert "params is 'turtlebot3.yaml', expected a file or one of sim" in run.process.output
+    assert "params is 'turtlebot3.yaml', expected a file or one of robot" in run.process.output
+
+
+def test_a_robot_that_is_not_there_is_a_sentence(launch: Callable) -> None:
+    run = launch("robot.launch.py", "robot:=tank")
+    assert run.process.wait() == 1
+    assert "robot is 'tank', expected a file or one of differential" in run.process.output
 
 
 def test_simulation_stays_on_this_machine(launch: Callable) -> None:
@@ -251,6 +261,7 @@ def test_simulation_stays_on_this_machine(launch: Callable) -> None:
     assert given["faults"] == "/some/faults.yaml"
     assert parameters(policy, "policy_node")["goal"] == "Fridge"
     assert parameters(policy, "policy_node")["allow_robot"] is False
+    assert parameters(policy, "policy_node")["use_sim_time"] is True
     for start in (mock, policy, run.start("lidar_collision_node")):
         assert start["environment"]["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
         assert "ROS_DISCOVERY_SERVER" not in start["environment"]
@@ -263,7 +274,7 @@ def test_simulation_stays_on_this_machine(launch: Callable) -> None:
 def test_a_recorded_drive_names_its_bag(launch: Callable, tmp_path: Path) -> None:
     run = launch(
         *("evaluation.launch.py", "mode:=record", f"bag:={tmp_path}/drive"),
-        *("params:=turtlebot4_stock.yaml", "goal:=Laptop"),
+        *("robot:=turtlebot4", "goal:=Laptop"),
     )
     recorder = run.start("recorder_node")
     assert parameters(recorder, "recorder")["bag"] == f"{tmp_path}/drive"
@@ -277,14 +288,16 @@ def test_a_recorded_drive_names_its_bag(launch: Callable, tmp_path: Path) -> Non
 def test_a_replay_commands_nobody(launch: Callable) -> None:
     run = launch(
         *("evaluation.launch.py", "mode:=replay", "bag:=drive", "namespace:=robot1"),
-        "params:=turtlebot4_stock.yaml",
+        "robot:=turtlebot4",
         ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET",
         ROS_STATIC_PEERS="10.0.0.2",
         ROS_DOMAIN_ID="7",
     )
     player, lidar = run.start("bag_play"), run.start("lidar_collision_node")
     options = tyro.cli(PlayOptions, args=player["arguments"])
-    assert options == PlayOptions(Path("drive"), namespace="robot1", wait_for=("scan",))
+    assert options == PlayOptions(
+        Path("drive"), robot="turtlebot4", namespace="robot1", wait_for=("scan",)
+    )
     assert "__ns:=/robot1" in lidar["arguments"]
     assert parameters(lidar, "lidar_collision_node")["use_sim_time"] is True
     for start in (player, lidar):
@@ -300,7 +313,7 @@ def test_a_replay_commands_nobody(launch: Callable) -> None:
 def test_a_replay_in_the_domain_of_the_shell_is_refused(launch: Callable, domain: str) -> None:
     run = launch(
         *("evaluation.launch.py", "mode:=replay", "bag:=drive", f"domain:={domain}"),
-        "params:=turtlebot4_stock.yaml",
+        "robot:=turtlebot4",
         ROS_DOMAIN_ID="7",
     )
     assert run.process.wait() == 1

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
+import ast
 import json
+import re
 from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 import yaml
 
+from cfnav_core.robot.topics import TOPICS
 from tests.conftest import ROOT
 
 BRINGUP = ROOT / "ros_ws/src/cfnav_bringup"
 LAYOUT = BRINGUP / "foxglove/cfnav.json"
-SHOWN = {
-    "oakd/rgb/preview/image_raw": "sensor_msgs/Image",
-    "oakd/rgb/preview/camera_info": "sensor_msgs/CameraInfo",
-    "scan": "sensor_msgs/LaserScan",
-    "odom": "nav_msgs/Odometry",
-    "cmd_vel": "geometry_msgs/TwistStamped",
-    "collision/estimate": "cfnav_interfaces/CollisionEstimate",
-    "policy/decision": "cfnav_interfaces/PolicyDecision",
-    "policy/episode": "cfnav_interfaces/EpisodeStatus",
-    "ground_truth/map": "nav_msgs/OccupancyGrid",
-    "diagnostics": "diagnostic_msgs/DiagnosticArray",
-    "policy/markers": "visualization_msgs/MarkerArray",
-}
+ROLES = (
+    "image", "camera_info", "scan", "odom", "cmd_vel", "estimate", "decision", "episode", "map",
+    "diagnostics", "markers",
+)  # fmt: skip
+SHOWN = {TOPICS[role].name.lstrip("/"): TOPICS[role].type for role in ROLES}
 
 
 def words(value: object) -> Iterator[str]:
@@ -64,7 +58,7 @@ def test_every_plotted_field_is_in_its_message() -> None:
     assert len(plotted) > 8
     for path in plotted:
         topic, *fields = path[1:].split(".")
-        package, name = SHOWN[topic].split("/")
+        package, name = SHOWN[topic].split("/msg/")
         message = getattr(import_module(f"{package}.msg"), name)()
         for field in fields:
             message = getattr(message, field)
@@ -75,6 +69,6 @@ def test_rviz_shows_the_topics_that_a_namespace_moves() -> None:
     displays = layout["Visualization Manager"]["Displays"]
     shown = {d["Topic"]["Value"] for d in displays if "Topic" in d}
     assert {topic[1:] for topic in shown} <= set(SHOWN)
-    launch = Path(BRINGUP / "launch/robot.launch.py").read_text()
-    for topic in shown:
-        assert f'"{topic[1:]}"' in launch
+    launch = (BRINGUP / "launch/robot.launch.py").read_text()
+    moved = ast.literal_eval(re.search(r"^SHOWN = (\(.*\))$", launch, re.MULTILINE)[1])
+    assert {f"/{TOPICS[role].name}" for role in moved} == shown

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
 import shlex
 import subprocess
@@ -14,18 +13,22 @@ from pathlib import Path
 
 import pytest
 import tyro
-from cfnav_ros.bags.playing import PlayOptions
-from cfnav_ros.bags.roles import parse_topics
-from cfnav_ros.bags.sources import SENSORS
-from cfnav_ros.lidar import SweptDisc, estimate_collision
-from cfnav_ros.limits import EpisodeLimits
-from cfnav_ros.motion import Motion, MotionLimits, Odometry, Status
-from cfnav_ros.policy_parameters import PolicyParameters
-from cfnav_ros.scan_watch import LidarParameters
-from cfnav_ros.settings import leaves
+import yaml
+from cfnav_ros.bags.files.playing import PlayOptions
+from cfnav_ros.bags.files.roles import parse_topics
+from cfnav_ros.bags.files.sources import SENSORS
+from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.drive.motion import Motion, MotionLimits, Odometry, Status
+from cfnav_ros.drive.policy_parameters import PolicyParameters
+from cfnav_ros.lidar.estimate import SweptDisc, estimate_collision
+from cfnav_ros.lidar.scan_watch import LidarParameters
+from cfnav_ros.live.bringup import RobotBringup, SimulationBringup
 
-from cfnav_core.actions import Action
-from cfnav_ros import bringup
+from cfnav.cli import COMMANDS
+from cfnav_core.robot.robot import load_robot, robots
+from cfnav_core.robot.settings import leaves
+from cfnav_core.robot.topics import TOPICS
+from cfnav_core.task.actions import Action
 from tests.conftest import ROOT
 from tests.ros.lidar_scans import scan_of, wall_ahead
 
@@ -42,15 +45,24 @@ def commands(text: str) -> Iterator[str]:
     yield from re.findall(r"`([a-z][^`\n]* [^`\n]*)`", re.sub(r"```.*?```", "", text, flags=re.S))
 
 
-def python_modules() -> list[tuple[str, tuple[str, ...]]]:
-    found = re.findall(r"python -m (\S+)([^#`\n]*)", "\n".join(commands(TEXT + README)))
-    return [(module, tuple(shlex.split(arguments))) for module, arguments in found]
+def cfnav_commands() -> list[tuple[str, tuple[str, ...]]]:
+    """Name and arguments of every ``cfnav`` command line; a bare name stands for the command."""
+    lines = re.findall(r"(?:^| )cfnav ([a-z][^#`\n]*)", "\n".join(commands(TEXT + README)), re.M)
+    found = []
+    for words in map(shlex.split, lines):
+        name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
+        found.append((name, tuple(words[len(name.split()) :])))
+    return found
+
+
+def of(name: str) -> list[tuple[str, ...]]:
+    return [arguments for found, arguments in cfnav_commands() if found == name and arguments]
 
 
 def source_texts() -> list[str]:
     """Every text that the code of the robot holds, pieces of f-strings for themselves."""
     texts = []
-    for file in (ROOT / "cfnav_ros/cfnav_ros").glob("*.py"):
+    for file in (ROOT / "cfnav_ros/cfnav_ros").rglob("*.py"):
         nodes = ast.walk(ast.parse(file.read_text()))
         texts += [
             n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)
@@ -58,27 +70,27 @@ def source_texts() -> list[str]:
     return texts
 
 
-def test_every_module_and_make_target_exists() -> None:
-    modules = python_modules()
-    assert len(modules) >= 6
-    for module, _ in modules:
-        assert importlib.util.find_spec(module), module
+def test_every_command_and_make_target_exists() -> None:
+    names = [name for name, _ in cfnav_commands()]
+    assert len(names) >= 6
+    assert [name for name in names if name not in COMMANDS] == []
     makefile = (ROOT / "Makefile").read_text()
     for target in re.findall(r"\bmake ([a-z-]+)", "\n".join(commands(TEXT + README))):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
 @pytest.mark.parametrize(
-    "arguments", [args for module, args in python_modules() if module == "cfnav_ros.bringup"]
+    ("options", "arguments"),
+    [(RobotBringup, arguments) for arguments in of("robot")]
+    + [(SimulationBringup, arguments) for arguments in of("simulate")],
 )
-def test_a_bringup_command_is_understood(arguments: tuple[str, ...]) -> None:
-    config = bringup.parse(arguments)
+def test_a_bringup_command_is_understood(options: type, arguments: tuple[str, ...]) -> None:
+    config = tyro.cli(options, args=arguments)
     assert (CONFIG / config.params).is_file()
+    assert load_robot(config.robot).name in robots()
 
 
-@pytest.mark.parametrize(
-    "arguments", [args for module, args in python_modules() if module == "cfnav_ros.bag_play"]
-)
+@pytest.mark.parametrize("arguments", of("bag play"))
 def test_a_command_that_plays_a_bag_is_understood(arguments: tuple[str, ...]) -> None:
     options = tyro.cli(PlayOptions, args=arguments)
     options.check()
@@ -86,22 +98,35 @@ def test_a_command_that_plays_a_bag_is_understood(arguments: tuple[str, ...]) ->
 
 
 def test_the_learning_command_runs(tmp_path: Path) -> None:
-    (arguments,) = [args for module, args in python_modules() if module == "cfnav_ros.lidar_mask"]
-    command = [sys.executable, "-m", "cfnav_ros.lidar_mask", *arguments]
-    told = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    (arguments,) = of("bag mask")
+    command = [sys.executable, "-m", "cfnav.cli", "bag", "mask", *arguments]
+    told = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300)
     assert told.returncode == 2
     assert "out/turn does not exist" in told.stderr
 
 
-def test_every_parameter_file_named_exists() -> None:
-    named = set(re.findall(r"\b((?:turtlebot4|simulation)\w*\.yaml)", TEXT + README))
-    assert named == {path.name for path in CONFIG.glob("*.yaml")} - {"simulation.yaml"}
+def test_every_robot_and_parameter_file_named_exists() -> None:
+    named = set(re.findall(r"\b(turtlebot4\w*|differential)\b", TEXT + README))
+    assert named - {"turtlebot4_bringup"} == set(robots())
+    assert "config/robot.yaml`" in TEXT
+    assert (CONFIG / "robot.yaml").is_file()
+
+
+def test_the_page_names_the_inputs_of_its_multiplexer() -> None:
+    said = yaml.safe_load((CONFIG / "other_nodes/twist_mux.yaml").read_text())
+    inputs = said["/**/twist_mux"]["ros__parameters"]["topics"].values()
+    beside = TEXT.partition("## Beside Nav2")[2].partition("\n## ")[0]
+    assert {row["topic"] for row in inputs} == set(
+        re.findall(r"\bcmd_vel_(?!out|topic)\w+", beside)
+    )
+    by_hand, nav2, cfnav = sorted((row["priority"], row["topic"]) for row in inputs)[::-1]
+    assert (by_hand[1], nav2[1], cfnav[1]) == ("cmd_vel_joy", "cmd_vel_nav2", "cmd_vel_cfnav")
 
 
 def test_every_parameter_named_exists() -> None:
     known = {name for name, _ in leaves(PolicyParameters())}
     known |= {name for name, _ in leaves(LidarParameters())}
-    named = set(re.findall(r"`((?:episode|disc|motion)\.[\w.]+)", TEXT))
+    named = set(re.findall(r"`((?:episode|disc|motion|depth)\.[\w.]+)", TEXT))
     assert len(named) > 6
     assert named <= known
     assert {name.partition(".")[2] for name in named if name.startswith("disc.")} <= {
@@ -135,8 +160,8 @@ def test_every_link_leads_somewhere() -> None:
 def test_an_enclave_may_do_what_its_node_does(name: str, ros_domain_id: int) -> None:
     rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
     pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
-    from cfnav_ros.lidar_collision_node import LidarCollisionNode
-    from cfnav_ros.policy_node import PolicyNode
+    from cfnav_ros.ros.lidar_collision_node import LidarCollisionNode
+    from cfnav_ros.ros.policy_node import PolicyNode
 
     (row,) = re.findall(rf"^\| `/cfnav/{name}` \| (.+) \| (.+) \|$", TEXT, re.MULTILINE)
     told = [set(re.findall(r"`/?([\w/]+)`", cell)) for cell in row]
@@ -148,10 +173,13 @@ def test_an_enclave_may_do_what_its_node_does(name: str, ros_domain_id: int) -> 
         node.destroy_node()
     finally:
         rclpy.try_shutdown()
-    # The velocity and those who may send it too are known only when a robot is there.
-    later = {"cmd_vel", "cmd_vel_unstamped", "other_publishers"} if name == "policy" else set()
+    # The velocity and those who may send it too are known only when a robot is there; odometry is
+    # heard from the first picture of depth on.
+    driving = {"cmd_vel", "cmd_vel_unstamped", "other_publishers"}
+    later = {"policy": driving, "lidar": {"odom"}}[name]
     assert published - {"parameter_events"} == told[0] - later - {"rosout"}
-    assert heard - {"oakd/rgb/preview/image_raw"} == told[1] - later
+    camera = {TOPICS[role].name for role in ("image", "camera_info")}
+    assert heard - camera == told[1] - later
 
 
 FIRST_DRIVE = TEXT.partition("## The first drive")[2].partition("\n## ")[0]

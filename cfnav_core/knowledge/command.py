@@ -11,10 +11,10 @@ import numpy as np
 import tyro
 
 from cfnav_core import words
-from cfnav_core.config import Rooms
-from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.scenes import open_scenes
-from cfnav_core.store import HEAD
+from cfnav_core.agent.config import Rooms
+from cfnav_core.scenes.scene import OfflineScene, SceneError
+from cfnav_core.scenes.select import open_scenes
+from cfnav_core.scenes.store import HEAD
 from cfnav_core.words import glove
 
 SHIPPED = "shipped"

@@ -11,9 +11,9 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from cfnav_core.files.whole import write_file
 from cfnav_core.models.base import Knowledge
-from cfnav_core.vocabulary import ROOM_TYPES
-from cfnav_core.whole import write_file
+from cfnav_core.task.vocabulary import ROOM_TYPES
 
 SCHEMA = 1
 AGAIN = "make it from these scenes with cfnav data knowledge"

@@ -9,21 +9,23 @@ import numpy as np
 from cfnav_core.knowledge.together import adjacency, layout_prior, pair_counts, parent_rewards
 from cfnav_core.knowledge.zones import ZoneGraph, merge, zone_graph
 from cfnav_core.models.base import Knowledge
-from cfnav_core.models.reading import columns_of
-from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.vocabulary import ROOM_TYPES
+from cfnav_core.models.parts.reading import columns_of
+from cfnav_core.scenes.scene import OfflineScene, SceneError
+from cfnav_core.task.detections import Fields
+from cfnav_core.task.vocabulary import ROOM_TYPES
 
 
-def detected(detections: np.ndarray) -> np.ndarray:
+def detected(detections: np.ndarray, fields: Fields) -> np.ndarray:
     """Which objects the detector reports in each view.
 
     Args:
-        detections: float16 [S, C, D], of a width D that ``models.reading.COLUMNS`` knows.
+        detections: float16 [S, C, D].
+        fields: names of the D columns.
 
     Returns:
         bool [S, C].
     """
-    columns = columns_of(detections.shape[2])
+    columns = columns_of(fields)
     return np.asarray(detections[:, :, columns.confidence]) > columns.threshold
 
 
@@ -68,7 +70,7 @@ def _from_detections(scenes: Sequence[OfflineScene], seed: int) -> dict[str, np.
     pairs = np.zeros((len(ROOM_TYPES), count, count))
     rooms: list[list[ZoneGraph]] = [[] for _ in ROOM_TYPES]
     for scene in scenes:
-        room, seen = ROOM_TYPES.index(scene.room_type), detected(scene.detections)
+        room, seen = ROOM_TYPES.index(scene.room_type), detected(scene.detections, scene.fields)
         pairs[room] += pair_counts(seen)
         rooms[room].append(zone_graph(seen, scene.position, scene.positions, rng))
     merged = [merge(graphs, count) for graphs in rooms]

@@ -1,33 +1,4 @@
-"""The navigation models by name. A new model is one file and one line here."""
+"""The navigation models (Eq. 2): a file a paper, `table` names them, `parts` is what they share.
 
-from cfnav_core.config import PUBLISHED, ModelSize
-from cfnav_core.models.akgvp import AKGVP
-from cfnav_core.models.base import (
-    Inputs,
-    Knowledge,
-    NavModel,
-    Seen,
-    State,
-)
-from cfnav_core.models.baseline import BaselineLabel, BaselineWord
-from cfnav_core.models.compact import Compact
-from cfnav_core.models.hoz import HOZ
-from cfnav_core.models.lstde import LSTDE
-from cfnav_core.models.mjolnir import MjolnirR
-from cfnav_core.models.tdanet import TDANet
-
-MODELS: dict[str, type[NavModel]] = {
-    "compact": Compact,
-    "baseline_label": BaselineLabel,
-    "baseline_word": BaselineWord,
-    "hoz": HOZ,
-    "lstde": LSTDE,
-    "akgvp": AKGVP,
-    "mjolnir": MjolnirR,
-    "tdanet": TDANet,
-}
-"""Name to class, which is made of data shapes, widths and tables of knowledge."""
-
-__all__ = [
-    "MODELS", "PUBLISHED", "Inputs", "Knowledge", "ModelSize", "NavModel", "Seen", "State",
-]  # fmt: skip
+May import: cfnav_core.task, torch.
+"""

@@ -6,10 +6,10 @@ Source: Xu, Wang et al., Aligning Knowledge Graph with Visual Perception for Obj
 
 from __future__ import annotations
 
-from cfnav_core.config import ModelSize
-from cfnav_core.models.base import Inputs, Knowledge
+from cfnav_core.models.base import Knowledge, ObservationSpec
 from cfnav_core.models.lstde import LayoutModel
-from cfnav_core.models.reading import table
+from cfnav_core.models.parts.reading import table
+from cfnav_core.models.size import ModelSize
 
 
 class AKGVP(LayoutModel):
@@ -25,7 +25,11 @@ class AKGVP(LayoutModel):
     title = "AKGVP"
 
     def __init__(
-        self, inputs: Inputs, size: ModelSize, knowledge: Knowledge, threshold: float | None = None
+        self,
+        inputs: ObservationSpec,
+        size: ModelSize,
+        knowledge: Knowledge,
+        threshold: float | None = None,
     ) -> None:
         text = table(knowledge, "text", len(inputs.objects), None)
         super().__init__(inputs, size, knowledge, text, threshold)

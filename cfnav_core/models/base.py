@@ -4,33 +4,55 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.models.picture import Picture
+from cfnav_core.models.parts.picture import PictureMap
+from cfnav_core.task.actions import NUM_ACTIONS
+from cfnav_core.task.detections import Fields, fields_before_names, width
+from cfnav_core.task.vocabulary import FIRST_ROOM_TYPES, ROOM_TYPES
 
 State = dict[str, Tensor]
 """What a model remembers of B episodes, float32 [B, ...] each; zeros when an episode starts."""
 
 
 @dataclass(frozen=True)
-class Inputs:
+class ObservationSpec:
     """What the scenes of a run offer to a model.
 
     Attributes:
         features: shape of one state's picture features: (256,) for the built-in perception,
             (512, 7, 7) for ResNet18 maps, (2048, 7, 7) for CLIP's.
-        detections: numbers a row of the detection table, D.
+        fields: what the D numbers of a row of the detection table mean.
         objects: names of its C rows; goals are among them.
+        room_types: names of the R room types, in the order of the one-hot.
     """
 
     features: tuple[int, ...]
-    detections: int
+    fields: Fields
     objects: tuple[str, ...]
+    room_types: tuple[str, ...] = ROOM_TYPES
+
+    @property
+    def detections(self) -> int:
+        """D, numbers of a row of the detection table."""
+        return width(self.fields)
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any]) -> ObservationSpec:
+        """From a checkpoint's head; one that was made before fields had names says their number.
+
+        Raises:
+            ValueError: it says a number that no table had.
+        """
+        fields = values.get("fields")
+        if fields is None:
+            fields = fields_before_names(values["detections"])
+        types = values.get("room_types", FIRST_ROOM_TYPES)
+        return cls(tuple(values["features"]), tuple(fields), tuple(values["objects"]), tuple(types))
 
 
 @dataclass(frozen=True)
@@ -76,14 +98,14 @@ class Knowledge:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ModelInput:
     """What a model reads at one step of B episodes, float32.
 
     Attributes:
         features: [B, *Inputs.features].
         detections: [B, C, D].
         goal: [B, C], one-hot over the objects.
-        room: [B, 4], one-hot room type.
+        room: [B, R], one-hot room type.
         previous_action: [B, 6], zeros when an episode starts.
         collision_probability: [B, 1], p_hat; zero in stage one.
     """
@@ -124,7 +146,7 @@ class NavModel(nn.Module):
             ValueError: this model has none.
         """
         picture = getattr(self, "picture", None)
-        if not isinstance(picture, Picture):
+        if not isinstance(picture, PictureMap):
             raise ValueError(
                 f"found no picture encoder in {type(self).__name__} that a predictor could share; "
                 "choose another model or method"
@@ -138,7 +160,7 @@ class NavModel(nn.Module):
             k: torch.zeros(batch, *shape, device=device) for k, shape in self.state_shapes.items()
         }
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """One step.
 
         Returns:

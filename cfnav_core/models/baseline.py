@@ -9,11 +9,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.config import ModelSize
-from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
-from cfnav_core.models.heads import ActionEmbedding, ActorCritic, initialise
-from cfnav_core.models.picture import Fusion, Picture
-from cfnav_core.models.reading import table
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
+from cfnav_core.models.parts.heads import ActionEmbedding, ActorCritic, initialise
+from cfnav_core.models.parts.picture import Fusion, PictureMap
+from cfnav_core.models.parts.reading import table
+from cfnav_core.models.size import ModelSize
 
 
 class WordFusion(nn.Module):
@@ -28,17 +28,17 @@ class WordFusion(nn.Module):
         width: length of the vector that comes out.
     """
 
-    def __init__(self, inputs: Inputs, size: ModelSize, word: int) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, word: int) -> None:
         super().__init__()
         k = size.channels
-        self.picture = Picture(inputs.features, k)
+        self.picture = PictureMap(inputs.features, k)
         self.word = nn.Sequential(nn.Linear(word, k), nn.ReLU())
         self.action = ActionEmbedding()
         parts = (k, k, self.action.width)
         self.fusion = Fusion(parts, k, self.picture.side, size.dropout)
         self.width = self.fusion.width
 
-    def forward(self, seen: Seen, word: Tensor) -> Tensor:
+    def forward(self, seen: ModelInput, word: Tensor) -> Tensor:
         """What is seen, with the goal's word vector [B, W], to float32 [B, width]."""
         picture = self.picture(seen.features)
         return self.fusion(picture, self.word(word), self.action(seen.previous_action))
@@ -57,7 +57,7 @@ class BaselineWord(NavModel):
 
     title = "Baseline (word)"
 
-    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         words = table(knowledge, "words", len(inputs.objects), None)
         self.register_buffer("words", words, persistent=False)
@@ -66,7 +66,7 @@ class BaselineWord(NavModel):
         self.state_shapes = self.policy.state_shapes
         initialise(self)
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         x = self.encoder(seen, seen.goal @ self.words)
         return self.policy(x, seen.collision_probability, state)
@@ -84,10 +84,10 @@ class BaselineLabel(NavModel):
     reward = "hoz"
     title = "Baseline (label)"
 
-    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects, k = len(inputs.objects), size.channels
-        self.picture = Picture(inputs.features, k)
+        self.picture = PictureMap(inputs.features, k)
         self.side = self.picture.side
         self.detection = nn.Sequential(nn.Linear(inputs.detections + 1, self.side**2), nn.ReLU())
         self.action = ActionEmbedding()
@@ -97,7 +97,7 @@ class BaselineLabel(NavModel):
         self.state_shapes = self.policy.state_shapes
         initialise(self)
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         rows = torch.cat([seen.detections, seen.goal[:, :, None]], 2)
         objects = self.detection(rows).unflatten(2, (self.side, self.side))

@@ -11,17 +11,17 @@ import math
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.config import ModelSize
 from cfnav_core.models.base import (
-    Inputs,
     Knowledge,
+    ModelInput,
     NavModel,
-    Seen,
+    ObservationSpec,
     State,
     actor,
 )
-from cfnav_core.models.recurrent import LSTMCell
+from cfnav_core.models.parts.recurrent import LSTMCell
+from cfnav_core.models.size import ModelSize
+from cfnav_core.task.actions import NUM_ACTIONS
 
 
 class Compact(NavModel):
@@ -35,7 +35,7 @@ class Compact(NavModel):
 
     title = "compact"
 
-    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects, columns, hidden = len(inputs.objects), inputs.detections, size.hidden
         seen = math.prod(inputs.features) + objects * columns
@@ -48,7 +48,7 @@ class Compact(NavModel):
         self.critic = nn.Linear(hidden, 1)
         self.state_shapes = {"h": (hidden,), "c": (hidden,)}
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         own = (seen.detections * seen.goal[:, :, None]).sum(1)
         x = torch.cat([

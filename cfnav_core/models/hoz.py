@@ -11,9 +11,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import one_hot
 
-from cfnav_core.config import ModelSize
-from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
-from cfnav_core.models.graphs import (
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
+from cfnav_core.models.parts.graphs import (
     first_hops,
     goal_zone,
     lookup,
@@ -21,13 +20,12 @@ from cfnav_core.models.graphs import (
     normalised,
     zone_change,
 )
-from cfnav_core.models.heads import ActionEmbedding, ActorCritic, gate_done, initialise
-from cfnav_core.models.picture import Fusion, Picture
-from cfnav_core.models.reading import Rows, columns_of, table
-from cfnav_core.models.relation import RelationEncoder
-from cfnav_core.vocabulary import ROOM_TYPES
+from cfnav_core.models.parts.heads import ActionEmbedding, ActorCritic, gate_done, initialise
+from cfnav_core.models.parts.picture import Fusion, PictureMap
+from cfnav_core.models.parts.reading import Rows, columns_of, table
+from cfnav_core.models.parts.relation import RelationEncoder
+from cfnav_core.models.size import ModelSize
 
-ROOMS = len(ROOM_TYPES)
 UPDATE_RATE = 0.005
 """Share of what is seen in an updated zone."""
 
@@ -40,16 +38,17 @@ class RoomClassifier(nn.Module):
         info: width I of box and confidence.
         channels: of the picture's map.
         side: n of the picture's map.
+        rooms: R.
     """
 
-    def __init__(self, objects: int, info: int, channels: int, side: int) -> None:
+    def __init__(self, objects: int, info: int, channels: int, side: int, rooms: int) -> None:
         super().__init__()
         self.info = nn.Linear(info, side**2)
         self.pointwise = nn.Conv2d(objects + channels, channels, 1)
-        self.room = nn.Linear(channels * side**2, ROOMS)
+        self.room = nn.Linear(channels * side**2, rooms)
 
     def forward(self, info: Tensor, picture: Tensor) -> Tensor:
-        """Info [B, C, I] and picture [B, k, n, n] to probabilities [B, 4]."""
+        """Info [B, C, I] and picture [B, k, n, n] to probabilities [B, R]."""
         boxes = torch.relu(self.info(info)).unflatten(2, picture.shape[2:])
         mixed = torch.relu(self.pointwise(torch.cat([boxes, picture], 1)))
         return torch.softmax(self.room(mixed.flatten(1)), 1)
@@ -75,32 +74,32 @@ class HOZ(NavModel):
     reward = "hoz"
     title = "HOZ"
 
-    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
-        objects, k = len(inputs.objects), size.channels
-        self.columns = columns_of(inputs.detections)
+        objects, k, rooms = len(inputs.objects), size.channels, len(inputs.room_types)
+        self.columns = columns_of(inputs.fields)
         appearance, info, _ = self.columns.widths
-        zones = table(knowledge, "zones", ROOMS, None, objects)
-        edges = table(knowledge, "zone_edges", ROOMS, zones.shape[1], zones.shape[1])
+        zones = table(knowledge, "zones", rooms, None, objects)
+        edges = table(knowledge, "zone_edges", rooms, zones.shape[1], zones.shape[1])
         self.register_buffer("zones", zones, persistent=False)
         self.register_buffer("hops", torch.stack([*map(first_hops, edges)]), persistent=False)
         self.register_buffer("adjacency", normalised(edges), persistent=False)
         self.register_buffer("mark", torch.ones(objects, 1), persistent=False)
-        self.picture = Picture(inputs.features, k)
+        self.picture = PictureMap(inputs.features, k)
         side = self.picture.side
         self.relation = RelationEncoder(objects, appearance, info, 1, side, mixes=4)
-        self.room = RoomClassifier(objects, info, k, side)
+        self.room = RoomClassifier(objects, info, k, side, rooms)
         self.zone = nn.Linear(objects, objects, bias=False)
         # declared as trainable and read without its gradient, as published, so that it stays
         self.update_rate = nn.Parameter(torch.tensor(UPDATE_RATE))
         self.action = ActionEmbedding()
-        parts = (k, objects, self.action.width, ROOMS, objects)
+        parts = (k, objects, self.action.width, rooms, objects)
         self.fusion = Fusion(parts, k, side, size.dropout)
         self.policy = ActorCritic(self.fusion.width, size.hidden, layers=2)
         self.state_shapes = {**self.policy.state_shapes, "zones": tuple(zones.shape)}
         initialise(self, self.room, self.zone)
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         rows = self.columns.read(seen.detections)
         picture = self.picture(seen.features)
@@ -120,12 +119,12 @@ class HOZ(NavModel):
             room: int64 [B].
             rows: see ``Rows``.
             goal: float32 [B, C], one-hot.
-            moved: float32 [B, 4, Z, C], see the class.
+            moved: float32 [B, R, Z, C], see the class.
 
         Returns:
             The row, float32 [B, C], and ``moved`` after this step.
         """
-        in_room = one_hot(room, ROOMS)[:, :, None, None]
+        in_room = one_hot(room, moved.shape[1])[:, :, None, None]
         nodes = self.zones[room] + (moved * in_room).sum(1)
         here = nearest_zone(rows.detected, nodes)
         change = zone_change(rows.detected, nodes, here, self.update_rate.detach())

@@ -10,8 +10,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.models.base import NavModel, Seen, State
+from cfnav_core.models.base import ModelInput, NavModel, State
+from cfnav_core.task.actions import NUM_ACTIONS
 
 
 class Listening(NavModel):
@@ -31,7 +31,7 @@ class Listening(NavModel):
         """See ``NavModel.picture_encoder``."""
         return self.model.picture_encoder()
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         logits, value, memory = self.model(seen, state)
         return logits + seen.collision_probability * self.weight, value, memory

@@ -9,14 +9,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from cfnav_core.config import ModelSize
-from cfnav_core.models import layout
-from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
-from cfnav_core.models.heads import ActionEmbedding, ActorCritic, gate_done, initialise
-from cfnav_core.models.picture import Fusion, Picture
-from cfnav_core.models.reading import columns_of, table
-from cfnav_core.models.relation import RelationEncoder
-from cfnav_core.vocabulary import ROOM_TYPES
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
+from cfnav_core.models.parts import layout
+from cfnav_core.models.parts.heads import ActionEmbedding, ActorCritic, gate_done, initialise
+from cfnav_core.models.parts.picture import Fusion, PictureMap
+from cfnav_core.models.parts.reading import columns_of, table
+from cfnav_core.models.parts.relation import RelationEncoder
+from cfnav_core.models.size import ModelSize
 
 
 class LayoutModel(NavModel):
@@ -42,17 +41,19 @@ class LayoutModel(NavModel):
     reward = "layout"
 
     def __init__(
-        self, inputs: Inputs, size: ModelSize, knowledge: Knowledge, codes: Tensor,
+        self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge, codes: Tensor,
         threshold: float | None,
     ) -> None:  # fmt: skip
         super().__init__()
         objects, k = len(inputs.objects), size.channels
-        self.columns = columns_of(inputs.detections)
+        self.columns = columns_of(inputs.fields)
         appearance, info, _ = self.columns.widths
         self.threshold = threshold
-        self.register_buffer("prior", _prior(knowledge, objects), persistent=False)
+        self.register_buffer(
+            "prior", _prior(knowledge, len(inputs.room_types), objects), persistent=False
+        )
         self.register_buffer("codes", codes, persistent=False)
-        self.picture = Picture(inputs.features, k)
+        self.picture = PictureMap(inputs.features, k)
         shape = (objects, appearance, info, codes.shape[1], self.picture.side)
         self.experience = RelationEncoder(*shape, mixes=4)
         self.present = RelationEncoder(*shape, mixes=2)
@@ -65,7 +66,7 @@ class LayoutModel(NavModel):
         }  # fmt: skip
         initialise(self)
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         rows = self.columns.read(seen.detections)
         prior = self.prior[seen.room.argmax(1)]
@@ -104,7 +105,11 @@ class LSTDE(LayoutModel):
     title = "L-sTDE"
 
     def __init__(
-        self, inputs: Inputs, size: ModelSize, knowledge: Knowledge, threshold: float | None = 0.5
+        self,
+        inputs: ObservationSpec,
+        size: ModelSize,
+        knowledge: Knowledge,
+        threshold: float | None = 0.5,
     ) -> None:
         super().__init__(inputs, size, knowledge, torch.ones(len(inputs.objects), 1), threshold)
 
@@ -114,13 +119,13 @@ def _coins(picture: Tensor) -> Tensor:
     return torch.randint(2, (len(picture), 1, 1, 1), device=picture.device)
 
 
-def _prior(knowledge: Knowledge, objects: int) -> Tensor:
+def _prior(knowledge: Knowledge, rooms: int, objects: int) -> Tensor:
     """The layout counts.
 
     Raises:
         ValueError: they are missing, of another shape, or not positive off the diagonal.
     """
-    prior = table(knowledge, "layout", len(ROOM_TYPES), objects, objects)
+    prior = table(knowledge, "layout", rooms, objects, objects)
     least = (prior + torch.eye(objects)).min()
     if not least > 0:
         raise ValueError(

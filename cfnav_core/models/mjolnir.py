@@ -10,12 +10,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from cfnav_core.config import ModelSize
-from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
 from cfnav_core.models.baseline import WordFusion
-from cfnav_core.models.graphs import normalised
-from cfnav_core.models.heads import ActorCritic, initialise
-from cfnav_core.models.reading import columns_of, similarities, table
+from cfnav_core.models.parts.graphs import normalised
+from cfnav_core.models.parts.heads import ActorCritic, initialise
+from cfnav_core.models.parts.reading import columns_of, similarities, table
+from cfnav_core.models.size import ModelSize
 
 
 class ObjectGraph(nn.Module):
@@ -90,10 +90,10 @@ class MjolnirR(NavModel):
     reward = "mjolnir"
     title = "MJOLNIR-r"
 
-    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         objects = len(inputs.objects)
-        self.columns = columns_of(inputs.detections)
+        self.columns = columns_of(inputs.fields)
         _, _, context = self.columns.widths
         words = table(knowledge, "words", objects, None)
         adjacency = table(knowledge, "adjacency", objects, objects)
@@ -105,7 +105,7 @@ class MjolnirR(NavModel):
         self.state_shapes = self.policy.state_shapes
         initialise(self, self.graph)
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         similarity = (seen.goal @ self.similarity)[:, :, None]
         context = torch.cat([self.columns.read(seen.detections).context, similarity], 2)

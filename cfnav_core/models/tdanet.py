@@ -12,10 +12,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.config import ModelSize
-from cfnav_core.models.base import Inputs, Knowledge, NavModel, Seen, State
-from cfnav_core.models.heads import ActionEmbedding, ActorCritic, initialise
-from cfnav_core.models.reading import columns_of, similarities, table
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
+from cfnav_core.models.parts.heads import ActionEmbedding, ActorCritic, initialise
+from cfnav_core.models.parts.reading import columns_of, similarities, table
+from cfnav_core.models.size import ModelSize
 
 KEY, VALUE = 64, 128
 
@@ -99,14 +99,14 @@ class TDANet(NavModel):
     title = "TDANet-style"
     zero_shot = True
 
-    def __init__(self, inputs: Inputs, size: ModelSize, knowledge: Knowledge) -> None:
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
-        self.columns = columns_of(inputs.detections)
+        self.columns = columns_of(inputs.fields)
         _, _, context = self.columns.widths
         words = table(knowledge, "words", len(inputs.objects), None)
         self.register_buffer("words", words, persistent=False)
         self.register_buffer("similarity", similarities(words), persistent=False)
-        found = torch.tensor(self.columns.found)
+        found = torch.tensor(self.columns.context.found)
         self.register_buffer("found", found, persistent=False)
         self.encoder = TargetAttention(words.shape[1], context)
         self.action = ActionEmbedding()
@@ -115,7 +115,7 @@ class TDANet(NavModel):
         self.state_shapes = self.policy.state_shapes
         initialise(self)
 
-    def forward(self, seen: Seen, state: State) -> tuple[Tensor, Tensor, State]:
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         goal, similarity = seen.goal, seen.goal @ self.similarity
         rows = self.columns.read(seen.detections)

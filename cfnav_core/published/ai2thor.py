@@ -19,14 +19,14 @@ from typing import Any, Protocol
 import numpy as np
 from tqdm import tqdm
 
-from cfnav_core.actions import STEP_M, Action
+from cfnav_core.files.whole import whole, writing
 from cfnav_core.published.features import IMAGES
 from cfnav_core.published.graph import MOVES
 from cfnav_core.published.keys import LOOK_DEG, TURN_DEG, Key
-from cfnav_core.published.layouts import room_of
 from cfnav_core.published.state_file import StateWriter
-from cfnav_core.visibility import VISIBLE_DISTANCE_M
-from cfnav_core.whole import whole, writing
+from cfnav_core.scenes.layouts import room_of
+from cfnav_core.task.actions import STEP_M, Action
+from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 
 PICTURE_SIDE = 300
 FIELD_OF_VIEW_DEG = 100
@@ -36,7 +36,7 @@ ON_GRID_M = 0.02
 """Farthest from a point of the grid that a position still is that point."""
 
 
-class Event(Protocol):
+class ThorEvent(Protocol):
     """What AI2-THOR answers to an action; see its own documentation."""
 
     metadata: Mapping[str, Any]
@@ -47,10 +47,10 @@ class Event(Protocol):
 class Controller(Protocol):
     """The part of ``ai2thor.controller.Controller`` that is used."""
 
-    def reset(self, scene: str) -> Event:
+    def reset(self, scene: str) -> ThorEvent:
         """Load a scene."""
 
-    def step(self, *, action: str, **arguments: Any) -> Event:
+    def step(self, *, action: str, **arguments: Any) -> ThorEvent:
         """Do one action."""
 
     def stop(self) -> None:
@@ -137,7 +137,7 @@ def _is_on_grid(x: float, z: float) -> bool:
     return all(abs(v / STEP_M - np.round(v / STEP_M)) * STEP_M <= ON_GRID_M for v in (x, z))
 
 
-def _visit(controller: Controller, visits: Visits) -> Iterator[tuple[Key, Event]]:
+def _visit(controller: Controller, visits: Visits) -> Iterator[tuple[Key, ThorEvent]]:
     """Go through all poses; where one is possible, note what is seen and whether ahead is free."""
     for point in visits.grid:
         x, z = round(point["x"] / STEP_M), round(point["z"] / STEP_M)
@@ -156,7 +156,7 @@ def _visit(controller: Controller, visits: Visits) -> Iterator[tuple[Key, Event]
                 visits.ahead.add(level)
 
 
-def _note(visits: Visits, key: Key, event: Event) -> None:
+def _note(visits: Visits, key: Key, event: ThorEvent) -> None:
     for one in event.metadata["objects"]:
         seen = visits.visible.setdefault(one["objectId"], [])
         if one["visible"]:

@@ -11,10 +11,10 @@ import numpy as np
 
 from cfnav_core.published.boxes import box_rows, read_boxes
 from cfnav_core.published.keys import Key
-from cfnav_core.published.layouts import DETECTOR_OBJECTS
 from cfnav_core.published.state_file import StateFile
-from cfnav_core.scene import SceneError
-from cfnav_core.vocabulary import DATA1_TARGETS
+from cfnav_core.scenes.layouts import DETECTOR_OBJECTS
+from cfnav_core.scenes.scene import SceneError
+from cfnav_core.task.vocabulary import DATA1_TARGETS
 
 MAP_CHANNELS, MAP_SIDE = (512, 2048), 7
 """ResNet18 and CLIP RN50."""
@@ -29,7 +29,7 @@ _ROWS = {
 
 
 @dataclass(frozen=True)
-class Source:
+class ArrayFile:
     """One file of numbers for every state.
 
     Attributes:
@@ -48,14 +48,14 @@ class Source:
 
 
 @contextmanager
-def open_features(path: Path) -> Iterator[Source]:
+def open_features(path: Path) -> Iterator[ArrayFile]:
     """Picture features, float16 [512 or 2048, 7, 7] a state.
 
     Raises:
         SceneError: the file cannot be read.
     """
     with closing(StateFile(path)) as file:
-        yield Source(
+        yield ArrayFile(
             path, file.names.keys(), file.bad,
             row=lambda key: _half((full := file.read(key)).reshape(map_shape(full.shape))),
             look=lambda key: map_shape(file.shape(key)),
@@ -63,7 +63,7 @@ def open_features(path: Path) -> Iterator[Source]:
 
 
 @contextmanager
-def open_detections(path: Path, objects: tuple[str, ...]) -> Iterator[Source]:
+def open_detections(path: Path, objects: tuple[str, ...]) -> Iterator[ArrayFile]:
     """Detections, float16 [C, D] a state: detector tables (.hdf5) or true boxes (.json).
 
     Raises:
@@ -75,10 +75,10 @@ def open_detections(path: Path, objects: tuple[str, ...]) -> Iterator[Source]:
         def boxes_of(key: Key) -> np.ndarray:
             return _half(box_rows(boxes[key], objects))
 
-        yield Source(path, boxes.keys(), bad, boxes_of, boxes_of)
+        yield ArrayFile(path, boxes.keys(), bad, boxes_of, boxes_of)
         return
     with closing(StateFile(path)) as file:
-        yield Source(
+        yield ArrayFile(
             path, file.names.keys(), file.bad,
             row=lambda key: _half((full := file.read(key))[table_rows(full.shape)]),
             look=lambda key: table_rows(file.shape(key)),

@@ -9,7 +9,7 @@ import numpy as np
 
 from cfnav_core.published.graph import Keys, read_json
 from cfnav_core.published.keys import Key
-from cfnav_core.scene import SceneError
+from cfnav_core.scenes.scene import SceneError
 
 PICTURE_SIDE = 300
 """Pixels that boxes are counted in."""

@@ -7,14 +7,14 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cfnav_core.actions import Action
-from cfnav_core.published.arrays import Source, open_detections, open_features
-from cfnav_core.published.graph import MOVES, Graph, read_graph, read_json, read_visible
+from cfnav_core.published.arrays import ArrayFile, open_detections, open_features
+from cfnav_core.published.graph import MOVES, SceneGraph, read_graph, read_json, read_visible
 from cfnav_core.published.keys import Key
-from cfnav_core.published.layouts import Layout, SceneFolder, scene_names
 from cfnav_core.published.reader import Choice, first_of, read_room
-from cfnav_core.scene import SceneError
-from cfnav_core.scene_check import check_targets, counted
+from cfnav_core.scenes.check import check_targets, counted
+from cfnav_core.scenes.layouts import Layout, SceneFolder, scene_names
+from cfnav_core.scenes.scene import SceneError
+from cfnav_core.task.actions import Action
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ def check_scene(folder: SceneFolder, choice: Choice, quick: bool = False) -> Che
         quick: leave the numbers unread; shapes and keys are still compared.
     """
     problems: list[str] = []
-    sources: list[Source] = []
-    graph: Graph | None = None
+    sources: list[ArrayFile] = []
+    graph: SceneGraph | None = None
     path, layout = folder.path, choice.layout
     with _noting(problems):
         _check_grid(first_of(path, ("grid.json",)))
@@ -90,7 +90,7 @@ def _check_grid(path: Path) -> None:
         raise SceneError(f"found {path} that is no list of x, y, z; unpack it again")
 
 
-def _numbers(source: Source, quick: bool) -> list[str]:
+def _numbers(source: ArrayFile, quick: bool) -> list[str]:
     wrong: dict[str, list[Key]] = {}
     for key in sorted(source.known):
         try:
@@ -103,7 +103,7 @@ def _numbers(source: Source, quick: bool) -> list[str]:
     ]  # fmt: skip
 
 
-def _key_sets(graph: Graph, source: Source) -> list[str]:
+def _key_sets(graph: SceneGraph, source: ArrayFile) -> list[str]:
     known = set(source.known)
     return [
         *counted(list(source.bad), f"odd keys in {source.path}"),
@@ -112,7 +112,7 @@ def _key_sets(graph: Graph, source: Source) -> list[str]:
     ]
 
 
-def _edges(graph: Graph, path: Path) -> list[str]:
+def _edges(graph: SceneGraph, path: Path) -> list[str]:
     turns = [a for a in MOVES if a is not Action.MoveAhead]
     missing = [
         f"{action.name} at {key}" for key in sorted(graph.states) for action in turns
@@ -128,7 +128,7 @@ def _edges(graph: Graph, path: Path) -> list[str]:
     ]
 
 
-def _visible(path: Path, graph: Graph) -> list[str]:
+def _visible(path: Path, graph: SceneGraph) -> list[str]:
     objects, bad = read_visible(path)
     unknown = {key for one in objects for key in one.seen_from} - graph.states
     return [

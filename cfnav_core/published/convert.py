@@ -9,13 +9,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from cfnav_core.published.layouts import SceneFolder
+from cfnav_core.files.whole import WriteError
 from cfnav_core.published.reader import Choice, read_scene
 from cfnav_core.published.workers import in_order
-from cfnav_core.scene import OfflineScene
-from cfnav_core.store import StoreHead
-from cfnav_core.store_writer import StoreWriter
-from cfnav_core.whole import WriteError
+from cfnav_core.scenes.layouts import SceneFolder
+from cfnav_core.scenes.scene import OfflineScene
+from cfnav_core.scenes.store import StoreHead
+from cfnav_core.scenes.store_writer import StoreWriter
 
 
 def convert(

@@ -15,12 +15,12 @@ import tyro
 from PIL import Image
 from tqdm import tqdm
 
-from cfnav_core.onnx_session import open_session
+from cfnav_core.files.whole import whole
+from cfnav_core.perception.onnx_session import open_session
 from cfnav_core.published.arrays import MAP_CHANNELS, MAP_SIDE
-from cfnav_core.published.layouts import scenes_root
 from cfnav_core.published.state_file import StateFile, StateWriter
-from cfnav_core.scene import SceneError
-from cfnav_core.whole import whole
+from cfnav_core.scenes.layouts import scenes_root
+from cfnav_core.scenes.scene import SceneError
 
 IMAGES = "images.hdf5"
 """Pictures of all states, uint8 [300, 300, 3] each."""
@@ -87,6 +87,7 @@ class Encoder:
         """
         if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
             raise SceneError(f"found a picture {rgb.dtype} {rgb.shape}, expected uint8 [H, W, 3]")
+        # Pillow: the encoders learnt from filters that widen as pictures shrink; OpenCV's do not.
         resized = Image.fromarray(rgb).resize((self.side, self.side), self.kind.filter)
         x = (np.asarray(resized, np.float32) / 255 - self.kind.mean) / self.kind.deviation
         (name,) = (i.name for i in self._session.get_inputs())

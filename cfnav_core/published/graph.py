@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from cfnav_core.actions import NUM_ACTIONS, Action
 from cfnav_core.published.keys import Key
-from cfnav_core.scene import SceneError
+from cfnav_core.scenes.scene import SceneError
+from cfnav_core.task.actions import NUM_ACTIONS, Action
 
 MOVES = tuple(a for a in Action if a is not Action.Done)
 
@@ -44,7 +44,7 @@ class Keys:
 
 
 @dataclass(frozen=True)
-class Graph:
+class SceneGraph:
     """States of a scene, and which may follow which; ``bad`` maps unusable keys to why."""
 
     states: frozenset[Key]
@@ -64,7 +64,7 @@ def read_json(path: Path) -> Any:
         raise SceneError(f"found no readable {path} ({error}); unpack it again") from error
 
 
-def read_graph(path: Path) -> Graph:
+def read_graph(path: Path) -> SceneGraph:
     """Read ``graph.json``.
 
     Raises:
@@ -89,7 +89,7 @@ def read_graph(path: Path) -> Graph:
     if not states:
         why = next(iter(keys.bad.values()), "it is empty")
         raise SceneError(f"found no usable state in {path} ({why}); unpack it again")
-    return Graph(frozenset(states), frozenset(edges), keys.bad)
+    return SceneGraph(frozenset(states), frozenset(edges), keys.bad)
 
 
 def transitions(

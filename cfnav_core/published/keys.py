@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfnav_core.actions import STEP_M, Action
-from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scenes.scene import OfflineScene, SceneError
+from cfnav_core.task.actions import STEP_M, Action
 
 TURN_DEG, LOOK_DEG = 45, 30
 

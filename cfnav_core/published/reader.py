@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cfnav_core.actions import STEP_M
-from cfnav_core.published.arrays import Source, open_detections, open_features
+from cfnav_core.published.arrays import ArrayFile, open_detections, open_features
 from cfnav_core.published.features import IMAGES, PREPARATIONS
-from cfnav_core.published.graph import Graph, SeenObject, read_graph, read_visible, transitions
+from cfnav_core.published.graph import SceneGraph, SeenObject, read_graph, read_visible, transitions
 from cfnav_core.published.keys import LOOK_DEG, Key
-from cfnav_core.published.layouts import Layout, SceneFolder
-from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scenes.layouts import Layout, SceneFolder
+from cfnav_core.scenes.scene import OfflineScene, SceneError
+from cfnav_core.task.actions import STEP_M
+from cfnav_core.task.detections import fields_before_names
 
 
 @dataclass(frozen=True)
@@ -101,11 +102,12 @@ def read_scene(folder: SceneFolder, choice: Choice) -> OfflineScene:
     return replace(
         room, perception=f"{choice.layout.name}: {', '.join(made_with)}",
         features=arrays[0], detections=arrays[1],
+        fields=fields_before_names(arrays[1].shape[2]),
     )  # fmt: skip
 
 
 def read_room(
-    folder: SceneFolder, choice: Choice, sources: Sequence[Source] = ()
+    folder: SceneFolder, choice: Choice, sources: Sequence[ArrayFile] = ()
 ) -> tuple[list[Key], OfflineScene]:
     """Read all of a scene but features and detections.
 
@@ -145,7 +147,7 @@ def read_room(
     )  # fmt: skip
 
 
-def _complete(graph: Graph, sources: Sequence[Source], drop_bad: bool) -> list[Key]:
+def _complete(graph: SceneGraph, sources: Sequence[ArrayFile], drop_bad: bool) -> list[Key]:
     """The states in order of position, heading and horizon, each with numbers in every source."""
     states = set(graph.states)
     for source in sources:
@@ -182,7 +184,7 @@ def _objects(
     return visible, instances, distance
 
 
-def _rows(source: Source, keys: list[Key]) -> np.ndarray:
+def _rows(source: ArrayFile, keys: list[Key]) -> np.ndarray:
     """float16 [S, ...]."""
     out: np.ndarray | None = None
     for i, key in enumerate(keys):

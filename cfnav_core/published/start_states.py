@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from cfnav_core.files.whole import write_file
 from cfnav_core.published.keys import Key
-from cfnav_core.published.layouts import SUFFIX, room_of
-from cfnav_core.scene import SceneError
-from cfnav_core.whole import write_file
+from cfnav_core.scenes.layouts import SUFFIX, room_of
+from cfnav_core.scenes.scene import SceneError
 
 SCHEMA = 1
 

@@ -10,10 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
+from cfnav_core.files.whole import writing
 from cfnav_core.published.graph import Keys
 from cfnav_core.published.keys import Key
-from cfnav_core.scene import SceneError
-from cfnav_core.whole import writing
+from cfnav_core.scenes.scene import SceneError
 
 
 class StateFile:

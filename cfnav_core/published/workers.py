@@ -9,7 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from typing import TypeVar
 
-from cfnav_core.scene import SceneError
+from cfnav_core.scenes.scene import SceneError
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -2,6 +2,8 @@
 
 The table was made once by ``make.py`` with a sentence encoder that is no dependency of this
 package. Names are class names (``CoffeeMachine``) or plain words (``coffee machine``).
+
+May import: cfnav_core.files, cfnav_core.task, cfnav_core.scenes.
 """
 
 from __future__ import annotations
@@ -50,7 +52,7 @@ def vectors(names: Sequence[str], path: Path = TABLE) -> np.ndarray:
     if missing := [n for n in names if plain(n) not in rows]:
         raise WordError(
             f"found no word vector for {', '.join(missing)} in {path.name}, which has {len(rows)} "
-            "names; add them with python -m cfnav_core.words.make or give a GloVe file"
+            "names; add them with cfnav data words or give a GloVe file"
         )
     found = table[[rows[plain(n)] for n in names]]
     return found / np.linalg.norm(found, axis=1, keepdims=True)
@@ -64,7 +66,6 @@ def _table(path: Path) -> tuple[dict[str, int], np.ndarray]:
             names = json.loads((file.metadata() or {})["head"])["names"]
     except (OSError, SafetensorError, KeyError, ValueError) as error:
         raise WordError(
-            f"found no readable word table at {path} ({error}); make one with "
-            "python -m cfnav_core.words.make"
+            f"found no readable word table at {path} ({error}); make one with cfnav data words"
         ) from error
     return {name: row for row, name in enumerate(names)}, table

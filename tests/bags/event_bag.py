@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from cfnav_ros.bags.events import (
+from cfnav_ros.bags.files.events import (
     Bumps,
     Decided,
     Event,
@@ -17,17 +17,18 @@ from cfnav_ros.bags.events import (
     Velocity,
 )
 
-from tests.bags import bag_files as b
+from studies.bags import bag_files as b
 
 
 def bag_of(path: Path, events: list[Event]) -> Path:
     """Write the events under their log times; kinds that no test needs are not known."""
-    return b.write(path, [_message(event) for event in events])
+    return b.write(path, messages_of(events))
 
 
-def _message(event: Event) -> b.Message:
-    topic, message = _MESSAGES[type(event)](event)
-    return b.Message(topic, message.__msgtype__, event.log_ns, message)
+def messages_of(events: list[Event], namespace: str = "") -> list[b.Message]:
+    """The messages of a robot in a namespace, such as ``/r1``."""
+    said = [(event.log_ns, *_MESSAGES[type(event)](event)) for event in events]
+    return [b.Message(namespace + name, m.__msgtype__, log_ns, m) for log_ns, name, m in said]
 
 
 def _picture(e: Picture):

@@ -3,17 +3,17 @@
 import dataclasses
 
 import numpy as np
-from cfnav_ros.bags.estimates import as_published
-from cfnav_ros.bags.events import Decided, Joint, LaserTurn, Picture, Pose, Told
-from cfnav_ros.episode import Episode
-from cfnav_ros.inputs import Frame, StampedEstimate
-from cfnav_ros.limits import EpisodeLimits
-from cfnav_ros.mounting import Mounting
-from cfnav_ros.scan_watch import LidarParameters, ScanWatch
+from cfnav_ros.bags.files.events import Decided, Joint, LaserTurn, Picture, Pose, Told
+from cfnav_ros.bags.replay.estimates import as_published
+from cfnav_ros.drive.episode import Episode
+from cfnav_ros.drive.inputs import CameraFrame, StampedEstimate
+from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.lidar.mounting import Mounting
+from cfnav_ros.lidar.scan_watch import LidarParameters, ScanWatch
 
-from cfnav_core.bundle import shipped_bundle
-from cfnav_core.checkpoint import load_tensors, save_tensors
-from cfnav_core.export import export_bundle
+from cfnav_core.files.checkpoint import load_tensors, save_tensors
+from cfnav_core.learn.export import export_bundle
+from cfnav_core.policy.bundle import shipped_perception
 from tests.core.model_samples import save_fresh
 from tests.ros.lidar_scans import behind_posts, noisy, scan_of, wall_ahead
 from tests.ros.scripted_robot import Robot, run_now
@@ -24,7 +24,7 @@ PARAMETERS = LidarParameters()
 
 def restless_bundle(folder):
     """A bundle that has learnt nothing, but whose answers vary with all that it sees and did."""
-    perception = shipped_bundle() / "perception.onnx"
+    perception = shipped_perception()
     checkpoint = save_fresh(folder / "fresh.safetensors", "compact", perception, ("Mug", "Laptop"))
     tensors, head = load_tensors(checkpoint)
     for name in ("model.lstm.weight_ih", "model.lstm.weight_hh"):
@@ -67,7 +67,7 @@ class RecordedRobot(Robot):
         o = self.odometry(self.t)
         self.record(Pose, now_ns, x=o.x, y=o.y, yaw=o.yaw, v=o.v, w=o.w)
         self.record(Joint, now_ns, angle=self.tilt)
-        frame = Frame(now_ns, lambda: picture, 150, 150, picture)
+        frame = CameraFrame(now_ns, lambda: picture, 150, 150, picture)
         self.fields = {"frame": frame, "estimate": self.live}
         return super().sense()
 

@@ -1,12 +1,13 @@
 """Events of bags, made by hand: times in seconds, from a bag that begins at 100 s."""
 
+import dataclasses
 import math
 
 import numpy as np
-from cfnav_ros.bags.events import Bumps, Decided, Judged, Pose, Told, Truth, Velocity
-from cfnav_ros.lidar import Estimate, Verdict
+from cfnav_ros.bags.files.events import Bumps, Decided, Judged, Pose, Told, Truth, Velocity
+from cfnav_ros.lidar.estimate import Estimate, Verdict
 
-from cfnav_core.actions import Action
+from cfnav_core.task.actions import Action
 
 S = 1_000_000_000
 
@@ -79,4 +80,18 @@ def drive(begin, *parts, x=0.0, yaw=0.0, hz=20.0):
             y += true_v * math.sin(yaw) / hz
             yaw += true_w / hz
             t += 1 / hz
+    return events
+
+
+def recorded(*parts, odometry=20.0, commands=20.0, sigma=0.0, heading=0.0, seed=0):
+    """A drive of parts at these rates (Hz, 100 at most), with noise of place (m), heading (rad)."""
+    rng, events = np.random.default_rng(seed), []
+    for number, event in enumerate(drive(100, *parts, hz=100.0)):
+        is_pose = isinstance(event, Pose)
+        if (number // 2) % round(100.0 / (odometry if is_pose else commands)):
+            continue
+        if is_pose:
+            x, y, yaw = rng.normal((event.x, event.y, event.yaw), (sigma, sigma, heading))
+            event = dataclasses.replace(event, x=x, y=y, yaw=yaw)
+        events.append(event)
     return events

@@ -1,9 +1,9 @@
 """Replayed decisions by hand."""
 
 import numpy as np
-from cfnav_ros.bags.replay_step import ReplayStep
+from cfnav_ros.bags.replay.step import ReplayStep
 
-from cfnav_core.actions import Action
+from cfnav_core.task.actions import Action
 
 
 def step_of(**fields):

@@ -4,18 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from cfnav_ros.bags.contacts import CLEARANCE, STALL
-from cfnav_ros.bags.episodes_file import EpisodeRow
-from cfnav_ros.bags.evaluation import Options, evaluate
-from cfnav_ros.bags.events import Bumps, Decided, Picture, Pose, Tick, Told
-from cfnav_ros.bags.replay_step import reproduction
+from cfnav_ros.bags.evaluation import JudgeOptions, evaluate
+from cfnav_ros.bags.files.events import Bumps, Decided, Picture, Pose, Tick, Told
+from cfnav_ros.bags.judge.contacts import CLEARANCE, STALL
+from cfnav_ros.bags.judge.episodes_file import EpisodeRow
+from cfnav_ros.bags.replay.step import reproduction
 from cfnav_ros.bags.summary import summarise
-from cfnav_ros.limits import EpisodeLimits
+from cfnav_ros.drive.limits import EpisodeLimits
 
-from cfnav_core.actions import Action
-from cfnav_core.policy import Policy
-from tests.bags import bag_files as b
-from tests.bags.event_bag import bag_of
+from cfnav_core.policy.policy import Policy
+from cfnav_core.task.actions import Action
+from studies.bags import bag_files as b
+from tests.bags.event_bag import bag_of, messages_of
 from tests.bags.live_drives import RecordedRobot, blocks, restless_bundle, without
 from tests.bags.made import drive as drive_of
 from tests.bags.made import end, start, truth
@@ -58,7 +58,9 @@ def logged_later(events, ns):
 
 
 def judged(path, events, bundle, **options):
-    return evaluate(bag_of(path, events), Options(bundles={"restless": str(bundle)}, **options))
+    return evaluate(
+        bag_of(path, events), JudgeOptions(bundles={"restless": str(bundle)}, **options)
+    )
 
 
 def held(found):
@@ -109,7 +111,7 @@ def test_an_empty_scan_topic_leaves_the_recorded_estimates(tmp_path):
     messages = [m for m in b.drive(3.0) if m.topic != "/scan"]
     silent = [("/scan", "sensor_msgs/msg/LaserScan")]
     ((only,), (other,)) = (
-        evaluate(b.write(tmp_path / f"bag{k}", messages, silent=topics), Options()).drives
+        evaluate(b.write(tmp_path / f"bag{k}", messages, silent=topics), JudgeOptions()).drives
         for k, topics in enumerate(([], silent))
     )
     assert only.outcome.clearance_m.value == other.outcome.clearance_m.value == 0.5
@@ -134,7 +136,7 @@ def test_truth_of_another_episode_tells_no_length(tmp_path):
     events += [pose_at(100 + k / 20, k / 100) for k in range(120)]
     events += [truth(100 + k / 10, k / 50, goal="Fridge") for k in range(60)]
     path = bag_of(tmp_path / "bag", sorted(events, key=lambda e: e.log_ns))
-    (only,) = evaluate(path, Options()).drives
+    (only,) = evaluate(path, JudgeOptions()).drives
     assert only.outcome.path_length_m.value == pytest.approx(0.8, abs=0.02)
     assert not only.outcome.truth_length_m.known
     assert "truth" not in only.outcome.collisions_by
@@ -158,3 +160,25 @@ def test_a_stall_ends_an_inferred_move_and_labels_it(bundle, tmp_path):
     (step,) = only.steps
     assert (step.driven, step.collided) == (Action.MoveAhead, True)
     assert step.t_ns < contact.t_ns < step.until_ns
+
+
+def test_a_bag_of_two_robots_is_judged_for_the_one_that_is_asked_for(tmp_path):
+    ways = {"/r1": 0.0, "/r2": 0.2}  # m/s
+    said = [
+        message
+        for name, v in ways.items()
+        for message in messages_of(drive_of(100, (4.0, v, 0.0, v, 0.0)), name)
+    ]
+    said += [
+        b.Message(f"{name}/scan", "sensor_msgs/msg/LaserScan", t, b.scan(t, 1.0 + v))
+        for name, v in ways.items()
+        for t in range(100 * S, 104 * S, S // 8)
+    ]
+    bag = b.write(tmp_path / "bag", sorted(said, key=lambda m: m.log_ns))
+    first, second = (evaluate(bag, JudgeOptions(namespace=name)) for name in ("", "r2"))
+    assert first.drives[0].outcome.driven_m.value == pytest.approx(0.0)
+    assert second.drives[0].outcome.driven_m.value == pytest.approx(0.79, abs=0.011)
+    assert {name.split("/")[1] for name in second.roles.values()} == {"r2"}
+    sentence = "The bag holds several robots, /r1, /r2: /r1 was chosen, --namespace /r2 judges"
+    assert [note.startswith(sentence) for note in first.notes] == [True]
+    assert second.notes == ()

@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from cfnav_ros.bag_eval import table
-from cfnav_ros.bags.evaluation import Options, evaluate
+from cfnav_ros.bags.evaluation import JudgeOptions, evaluate
 from cfnav_ros.bags.film import FRAMES, MOMENTS, Film, key_stamps, moment_stamps
 from cfnav_ros.bags.results import (
     DECISION_COLUMNS,
@@ -22,10 +21,12 @@ from cfnav_ros.bags.results import (
     result_files,
 )
 from cfnav_ros.bags.summary import drives_in, summarise
+from cfnav_ros.report.bag_eval import table
+from PIL import Image
 
-from cfnav_core.actions import Action
-from tests.bags.bag_files import VARIANTS, S, image
-from tests.bags.bag_files import drive as recorded
+from cfnav_core.task.actions import Action
+from studies.bags.bag_files import VARIANTS, S, image
+from studies.bags.bag_files import drive as recorded
 from tests.bags.evaluations import (
     BUNDLES,
     answers,
@@ -64,7 +65,7 @@ def test_metrics_hold_the_figures_of_the_summary(written):
     assert metrics["facts"] == {"seed": "7"}
     assert metrics["figures"]["sr"]["value"] == pytest.approx(2 / 3)
     assert metrics["figures"]["cf_sr"]["value"] == pytest.approx(1 / 3)
-    assert metrics["figures"]["cf_sr"]["low"] == summary.figures["cf_sr"].interval[0]
+    assert metrics["figures"]["cf_sr"]["low"] == summary.figures["cf_sr"].low
     assert metrics["figures"]["cf_sr"]["sources"] == {"truth": 6}
     assert metrics["figures"]["impact_speed"]["left_out"] == {"it touched nothing": 4}
     assert [d["collisions"] for d in metrics["drives"]] == [0, 2, 0] * 2
@@ -184,7 +185,7 @@ def test_a_real_bag_gives_the_same_files_whatever_its_storage(tmp_path):
     texts, messages = [], answerable(recorded(6.0))
     for name in ("mcap zstd storage", "sqlite split"):
         path = VARIANTS[name](tmp_path / name.replace(" ", "_"), messages)
-        found = evaluate(path, Options(bundles={"ours": ""}), name="drive")
+        found = evaluate(path, JudgeOptions(bundles={"ours": ""}), name="drive")
         ((_, only),) = drives_in([found])
         assert (found.name, found.bundles) == ("drive", {"ours": "ours"})
         assert len(only.points) > 20
@@ -217,3 +218,21 @@ def test_film_keeps_the_surest_disagreements_beside_the_course_of_a_drive():
     )
     assert len(kept) <= FRAMES + MOMENTS
     assert film.cut(drive, sure) == {}
+
+
+@pytest.mark.parametrize(
+    ("seen", "shown"),
+    [
+        ((30, 40), (30, 40)),
+        ((300, 300), (300, 300)),
+        ((480, 640), (225, 300)),
+        ((4, 3000), (1, 300)),
+    ],
+)
+def test_pictures_of_a_film_are_small_jpegs_in_their_own_colours(seen, shown):
+    drive = made_drive()
+    film = Film()
+    film.add(drive.start_ns, drive.start_ns, np.full((*seen, 3), (200, 90, 20), np.uint8))
+    (file,) = film.cut(drive).values()
+    with Image.open(io.BytesIO(file), formats=["JPEG"]) as picture:
+        assert np.abs(np.asarray(picture) - np.full((*shown, 3), (200.0, 90, 20))).max() <= 3

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from cfnav_ros.bags.drives import Drive
-from cfnav_ros.bags.events import LaserTurn
+from cfnav_ros.bags.files.events import LaserTurn
+from cfnav_ros.bags.judge.drive_log import Drive
 from cfnav_ros.bags.scan_map import CELL_M, FAR_M, ScanMap
-from cfnav_ros.returns import Mount, Scan
+from cfnav_ros.lidar.returns import Mount, Scan
 
 from tests.bags.made import at, ns, pose
 

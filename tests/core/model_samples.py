@@ -9,21 +9,23 @@ import numpy as np
 import torch
 from torch.nn.functional import one_hot
 
-from cfnav_core.actions import NUM_ACTIONS
-from cfnav_core.agent import new_agent
-from cfnav_core.checkpoint import save_tensors
-from cfnav_core.config import ModelName, RunConfig
-from cfnav_core.models import Inputs, Knowledge, ModelSize, NavModel, Seen
-from cfnav_core.models.reading import COLUMNS
-from cfnav_core.perception import Perception
-from cfnav_core.vocabulary import CATEGORIES, DATA1_TARGETS, ROOM_TYPES
+from cfnav_core.agent.agent import new_agent
+from cfnav_core.agent.config import ModelName, RunConfig
+from cfnav_core.files.checkpoint import save_tensors
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec
+from cfnav_core.models.parts.reading import columns_of
+from cfnav_core.models.size import ModelSize
+from cfnav_core.perception.perception import OnnxPerception
+from cfnav_core.task.actions import NUM_ACTIONS
+from cfnav_core.task.detections import BOXES, HULLS, SCORES
+from cfnav_core.task.vocabulary import CATEGORIES, DATA1_TARGETS, ROOM_TYPES
 
 ROOMS = len(ROOM_TYPES)
 SMALL = ModelSize(hidden=16, channels=4)
-BUILT_IN = Inputs((256,), 5, CATEGORIES)
-DATA1 = Inputs((512, 7, 7), 517, DATA1_TARGETS)
-DATA1_CLIP = Inputs((2048, 7, 7), 517, DATA1_TARGETS)
-DATA2 = Inputs((512, 7, 7), 4, tuple(f"Object{i}" for i in range(101)))
+BUILT_IN = ObservationSpec((256,), SCORES, CATEGORIES)
+DATA1 = ObservationSpec((512, 7, 7), BOXES, DATA1_TARGETS)
+DATA1_CLIP = ObservationSpec((2048, 7, 7), BOXES, DATA1_TARGETS)
+DATA2 = ObservationSpec((512, 7, 7), HULLS, tuple(f"Object{i}" for i in range(101)))
 
 
 def knowledge(objects: int, word: int = 12, text: int = 10, zones: int = 8) -> Knowledge:
@@ -48,10 +50,10 @@ def knowledge(objects: int, word: int = 12, text: int = 10, zones: int = 8) -> K
     )  # fmt: skip
 
 
-def views(inputs: Inputs, batch: int, seed: int = 0) -> Seen:
+def views(inputs: ObservationSpec, batch: int, seed: int = 0) -> ModelInput:
     """Random views; about half of the objects are seen."""
     g = torch.Generator().manual_seed(seed)
-    objects, columns = len(inputs.objects), COLUMNS[inputs.detections]
+    objects, columns = len(inputs.objects), columns_of(inputs.fields)
     detections = torch.rand(batch, objects, inputs.detections, generator=g)
     there = torch.rand(batch, objects, 1, generator=g) > 0.5
     detections = torch.where(there, detections, 0)
@@ -62,16 +64,16 @@ def views(inputs: Inputs, batch: int, seed: int = 0) -> Seen:
     def pick(n: int) -> torch.Tensor:
         return one_hot(torch.randint(n, (batch,), generator=g), n).float()
 
-    return Seen(
+    return ModelInput(
         torch.rand(batch, *inputs.features, generator=g), detections, pick(objects), pick(ROOMS),
         torch.softmax(torch.randn(batch, NUM_ACTIONS, generator=g), 1),
         torch.rand(batch, 1, generator=g),
     )  # fmt: skip
 
 
-def rows_of(seen: Seen, which: slice) -> Seen:
+def rows_of(seen: ModelInput, which: slice) -> ModelInput:
     """Some of the episodes."""
-    return Seen(*(value[which] for value in vars(seen).values()))
+    return ModelInput(*(value[which] for value in vars(seen).values()))
 
 
 def outspoken(model: NavModel) -> NavModel:
@@ -93,7 +95,7 @@ def save_fresh(path: Path, model: ModelName, perception: Path, goals: tuple[str,
         agent.predictor.head.weight *= 10
     save_tensors(path, agent.tensors(known), {
         "config": asdict(config), "episodes": 0, "steps": 0, "best": -1.0, "goals": goals,
-        "perception": Perception(perception).identity, "inputs": asdict(BUILT_IN),
+        "perception": OnnxPerception(perception).identity, "inputs": asdict(BUILT_IN),
         "commit": "none", "train_rooms": ("kitchen:0",), "validation_rooms": ("kitchen:1",),
     })  # fmt: skip
     return path

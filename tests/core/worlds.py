@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfnav_core.actions import NUM_ACTIONS, Action
-from cfnav_core.perception import FEATURES
-from cfnav_core.scene import HEADINGS, HORIZONS, OfflineScene
-from cfnav_core.vocabulary import CATEGORIES, CATEGORY_ID
+from cfnav_core.perception.perception import FEATURES
+from cfnav_core.scenes.scene import HEADINGS, HORIZONS, OfflineScene
+from cfnav_core.task.actions import NUM_ACTIONS, Action
+from cfnav_core.task.camera import MAST
+from cfnav_core.task.detections import SCORES
+from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
 
 STEPS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 
@@ -64,6 +66,7 @@ def hall(
         heading=(index // HORIZONS % HEADINGS).astype(np.int8),
         horizon=(index % HORIZONS).astype(np.int8), positions=positions,
         instances=np.array([c in names for c in CATEGORIES], np.int16), distance=distance,
+        fields=SCORES, camera=MAST,
     )  # fmt: skip
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cfnav_ros.bag_writer import BagWriter, typestore_with
+from cfnav_ros.bags.files.writer import BagWriter, typestore_with
 from rosbags.interfaces import Nodetype
 
-from cfnav_core.actions import Action
+from cfnav_core.task.actions import Action
 
 INTERFACES = Path(__file__).parents[2] / "ros_ws" / "src" / "cfnav_interfaces"
 SECOND = 1_000_000_000
@@ -186,17 +186,20 @@ def synthetic_bag(tmp_path: Path) -> Callable[[], SyntheticBag]:
 def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle of real networks, set by hand: MoveAhead six times whatever it sees, then Done."""
     torch = pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
-    from cfnav_core.agent import new_agent
-    from cfnav_core.bundle import NETWORKS, WEIGHTS, BundleHead, file_hash
-    from cfnav_core.config import ModelSize, RunConfig
-    from cfnav_core.export import export_networks
-    from cfnav_core.models import Inputs, Knowledge
-    from cfnav_core.perception_net import PerceptionNet, export_perception
-    from cfnav_core.vocabulary import CATEGORIES
+    from cfnav_core.agent.agent import new_agent
+    from cfnav_core.agent.config import RunConfig
+    from cfnav_core.files.provenance import sha256
+    from cfnav_core.learn.export import export_networks
+    from cfnav_core.models.base import Knowledge, ObservationSpec
+    from cfnav_core.models.size import ModelSize
+    from cfnav_core.perception.net import PerceptionNet, export_perception
+    from cfnav_core.policy.bundle import NETWORKS, WEIGHTS, BundleHead
+    from cfnav_core.task.detections import SCORES
+    from cfnav_core.task.vocabulary import CATEGORIES
 
     folder = tmp_path_factory.mktemp("eager")
     torch.manual_seed(0)
-    inputs = Inputs((256,), 5, CATEGORIES)
+    inputs = ObservationSpec((256,), SCORES, CATEGORIES)
     config = RunConfig(method="plain", size=ModelSize(16), predictor_hidden=16)
     agent = new_agent(config, inputs, Knowledge())
     model = agent.model
@@ -219,7 +222,7 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
         feeds_prediction=False,
         objects=CATEGORIES,
         goals=CATEGORIES,
-        files={name: file_hash(folder / name) for name in (*NETWORKS, WEIGHTS)},
+        files={name: sha256(folder / name) for name in (*NETWORKS, WEIGHTS)},
         training={},
         metrics={},
     ).save(folder)
@@ -229,6 +232,6 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def make_bundle(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Return a function: names of actions -> a bundle that answers them, then repeats the last."""
-    from .listed_actions import ListedActions
+    from studies.deploy.listed_actions import ListedActions
 
     return ListedActions(tmp_path_factory.mktemp("bundles"))

@@ -1,18 +1,27 @@
-"""Scans of simple places, as the A1 driver of a TurtleBot 4 sends them."""
+"""Scans of simple places: returns by degrees with copies, or as the A1's driver samples them."""
 
 import dataclasses
 import math
 
 import numpy as np
-from cfnav_ros.returns import Scan
+from cfnav_ros.lidar.returns import Scan
+from sim_bridge.robot.noise import Noise, NoiseLevels
+from sim_bridge.robot.rplidar import (
+    ANGLE_MAX,
+    ANGLE_MIN,
+    bearings,
+    driver_ranges,
+    sample_angles,
+)
 
 FRAME = "rplidar_link"
 TURN_S = 0.13
+EXACT = Noise(NoiseLevels().scaled(0.0), 0)
 POSTS_DEG = (58.3, -58.3, 111.7, -111.7, 180.0)
 
 
 def scan_of(distance, returns=360, copies=3):
-    """A scan like the A1 driver's: distance(bearing in the LiDAR's base-aligned frame) -> metres.
+    """A scan in the A1 driver's fields: distance(bearing in the LiDAR's base-aligned frame) -> m.
 
     The LiDAR's own x-axis points left of the robot, so bearing 0 is laser angle -pi/2.
     """
@@ -23,6 +32,15 @@ def scan_of(distance, returns=360, copies=3):
     values = np.array([distance(angle + math.pi / 2) for angle in centres], np.float32)
     ranges = np.repeat(values, copies)
     return Scan(ranges, angle_min, angle_max, increment, 0.15, 12.0, FRAME, TURN_S)
+
+
+def sampled(distance, mode, noise=EXACT):
+    """The same place as the A1's driver says it, posts included."""
+    angles = sample_angles(mode, noise.phase())
+    values = [distance(math.remainder(bearing, math.tau)) for bearing in bearings(angles)]
+    ranges = driver_ranges(angles, noise.scan(np.array(values, np.float32)), mode)
+    increment = (ANGLE_MAX - ANGLE_MIN) / (mode.bins - 1)
+    return Scan(ranges, ANGLE_MIN, ANGLE_MAX, increment, 0.15, 12.0, FRAME, TURN_S)
 
 
 def wall_ahead(base_x, else_at=3.0):

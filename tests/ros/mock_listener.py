@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import sys
-import tempfile
-import time
 from collections import defaultdict
-from contextlib import contextmanager
-from pathlib import Path
 
-import rclpy
 from cfnav_interfaces.msg import FaultStatus, GroundTruth
 from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
 from geometry_msgs.msg import Twist, TwistStamped
 from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
 from irobot_create_msgs.srv import EStop
 from nav_msgs.msg import OccupancyGrid, Odometry
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, LaserScan
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
-from tests.conftest import DEADLINE_S, DOMAINS, RunningProcess
+from tests.conftest import RunningProcess
+from tests.ros.own_node import OwnNode
 
 ROOM, OTHER_ROOM = "kitchen:21", "bathroom:20"
 TOPICS = {
@@ -46,7 +39,7 @@ TOPICS = {
     "ground_truth/state": GroundTruth,
     "ground_truth/map": OccupancyGrid,
 }
-RELAYED = {"odom", "wheel_status", "dock_status", "battery_state", "imu"}
+RELAYED = {"odom", "hazard_detection", "wheel_status", "dock_status", "battery_state", "imu"}
 LATCHED = {"tf_static", "ground_truth/map", *RELAYED}
 SENSORS = {"scan", "oakd/rgb/preview/image_raw", "oakd/rgb/preview/camera_info"}
 
@@ -55,24 +48,8 @@ def seconds(stamp):
     return stamp.sec + stamp.nanosec * 1e-9
 
 
-@contextmanager
-def locked_domain():
-    """A ROS domain for a whole module, locked like those of ``ros_domain_id``."""
-    folder = Path(tempfile.gettempdir(), "cfnav-domains")
-    folder.mkdir(exist_ok=True)
-    for number in reversed(DOMAINS):
-        with (folder / str(number)).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield number
-            return
-    raise AssertionError("all ROS domains are taken by other tests")
-
-
 def start_mock(log, domain, *parameters):
-    command = [sys.executable, "-m", "sim_bridge.mock_turtlebot4", *ros_arguments(parameters)]
+    command = [sys.executable, "-m", "sim_bridge.ros.mock_turtlebot4", *ros_arguments(parameters)]
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(domain),
@@ -85,21 +62,17 @@ def ros_arguments(parameters):
     return ["--ros-args", *(word for parameter in parameters for word in ("-p", parameter))]
 
 
-class Listener:
-    """Another node in the domain, in this process: keeps every message, sends commands."""
+class Listener(OwnNode):
+    """Keeps every message, with its number among those sent on its topic; sends commands."""
 
     def __init__(self, domain):
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = Node("listener", context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.heard = defaultdict(list)
+        super().__init__(domain, "listener")
+        self.heard, self.numbers = defaultdict(list), defaultdict(list)
         for topic, kind in TOPICS.items():
             qos = QoSProfile(depth=50)
             if topic in LATCHED:
                 qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
-            self.node.create_subscription(kind, topic, self.heard[topic].append, qos)
+            self.node.create_subscription(kind, topic, self._keep_on(topic), qos)
         best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.velocity = self.node.create_publisher(TwistStamped, "cmd_vel", best_effort)
         self.unstamped = self.node.create_publisher(Twist, "cmd_vel_unstamped", best_effort)
@@ -117,19 +90,30 @@ class Listener:
         every = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.node.create_subscription(FaultStatus, "simulator/fault", self.faults.append, every)
 
+    def _keep_on(self, topic):
+        def keep(message, info):
+            self.heard[topic].append(message)
+            self.numbers[topic].append(info["publication_sequence_number"])
+
+        return keep
+
     def last(self, topic):
         return self.heard[topic][-1]
+
+    def stamps(self, topic):
+        """Of all messages heard, s."""
+        return [seconds(message.header.stamp) for message in self.heard[topic]]
 
     def now(self):
         return seconds(self.last("/clock").clock)
 
-    def wait(self, condition, what, each=lambda: None):
-        """Hear messages until a condition holds; ``each`` is called between them."""
-        end = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < end, f"waited in vain: {what}"
-            each()
-            self.executor.spin_once(timeout_sec=0.05)
+    @property
+    def truth(self):
+        """The newest state."""
+        return self.last("ground_truth/state")
+
+    def truth_time(self):
+        return seconds(self.truth.header.stamp)
 
     def wait_connected(self, tilt=True, commands=True, without=()):
         publishers = [self.velocity, self.unstamped] * commands + [self.tilt] * tilt
@@ -138,16 +122,13 @@ class Listener:
         self.wait(lambda: all(p.get_subscription_count() for p in publishers), "subscriptions")
 
     def drive(self, v, w, condition, what, unstamped=False):
-        """Renew a command at every odometry message until a condition holds.
-
-        Returns the stamp (s) of the last odometry that was answered with a command.
-        """
-        sent, answered = [0], [0.0]
+        """Renew a command at every odometry message until a condition holds."""
+        answered = [0]
 
         def renew():
-            if len(self.heard["odom"]) == sent[0]:
+            if len(self.heard["odom"]) == answered[0]:
                 return
-            sent[0], answered[0] = len(self.heard["odom"]), self.odometry_time()
+            answered[0] = len(self.heard["odom"])
             twist = Twist()
             twist.linear.x, twist.angular.z = v, w
             if unstamped:
@@ -158,7 +139,6 @@ class Listener:
                 self.velocity.publish(message)
 
         self.wait(condition, what, renew)
-        return answered[0]
 
     def odometry_time(self):
         """The newest odometry's stamp (s); by a listener that lags, behind the clock's."""
@@ -170,19 +150,21 @@ class Listener:
         return [hazard.header.frame_id for hazard in found if hazard.type == HazardDetection.BUMP]
 
     def wait_rest(self):
+        """Hear odometry and truth say of a moment from now on that the robot stands."""
+        since = max(self.truth_time(), self.odometry_time())
+
         def rests():
             twist = self.last("odom").twist.twist
-            return abs(twist.linear.x) < 1e-4 and abs(twist.angular.z) < 1e-4
+            still = abs(twist.linear.x) < 1e-4 and abs(twist.angular.z) < 1e-4
+            at_rest = self.truth.still_since and self.truth_time() > since
+            return still and at_rest and self.odometry_time() > since
 
         self.wait(rests, "the robot to stand still")
 
     def wait_for(self, duration):
         """Hear messages for some seconds of the truth's time."""
-        until = seconds(self.last("ground_truth/state").header.stamp) + duration
-        self.wait(
-            lambda: seconds(self.last("ground_truth/state").header.stamp) > until,
-            f"{duration} s to pass",
-        )
+        until = self.truth_time() + duration
+        self.wait(lambda: self.truth_time() > until, f"{duration} s to pass")
 
     def call(self, kind, **fields):
         return self._answer(self.clients[kind], kind.Request(**fields))
@@ -200,8 +182,3 @@ class Listener:
         answer = client.call_async(request)
         self.wait(answer.done, "the answer")
         return answer.result()
-
-    def close(self):
-        rclpy.shutdown(context=self.context)
-        self.executor.shutdown()
-        self.node.destroy_node()

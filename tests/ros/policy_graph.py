@@ -18,8 +18,9 @@ from cfnav_interfaces.msg import (
     MomentDone,
     PolicyDecision,
 )
-from cfnav_ros.conversions import ns_to_stamp, stamp_to_ns
-from cfnav_ros.spinning import SpinningThread
+from cfnav_ros.drive.fields import stamp_to_ns
+from cfnav_ros.ros.conversions import ns_to_stamp
+from cfnav_ros.ros.spinning import SpinningThread, leave
 from geometry_msgs.msg import TwistStamped
 from irobot_create_msgs.msg import DockStatus, HazardDetection, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
@@ -27,10 +28,10 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image, JointState
+from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64
 
-from tests.conftest import DEADLINE_S
+from tests.conftest import DEADLINE_S, wait_until
 
 PERIOD_S = 0.05
 LATE_M, LATE_DEG = 0.1, 30.0
@@ -41,10 +42,17 @@ PATIENT = (
     "episode.ages.estimate:=2.0",
     "episode.ages.odometry:=1.0",
     "episode.ages.tilt:=2.0",
+    "episode.preflight_timeout:=40.0",
+    "episode.observe_timeout:=20.0",
+    "episode.motion.move_deadline:=20.0",
+    "episode.motion.turn_deadline:=16.0",
+    "episode.motion.stall_time:=4.0",
+    "episode.command_lag:=2.0",
 )
-"""Four times the oldest inputs that the node acts on by default: a machine under load may let
-messages lie for longer than those, which is no fault of what is tested here."""
-BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Four times the node's patience by default: a machine under load may let messages lie for longer
+than that, which is no fault of what is tested here."""
+BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""A real base keeps the newest velocity only; here none may be lost on a busy machine."""
 
 LOST = "client will not receive response"
 """What a node says when a client asks before discovery has shown it where that client listens
@@ -65,6 +73,7 @@ class Robot:
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.probability, self.clearance, self.bumping = 0.1, 2.0, False
         self.encoding, self.silent, self.count = "bgr8", set(), 0
+        self.focal = 0.0  # pixels; 0 says nothing of the camera
         self.lock_step, self.free, self.answered, self.newest = lock_step, True, None, {}
         self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
         self.commands, self.pictures, self.feedback, self.frames = [], {}, [], set()
@@ -83,6 +92,7 @@ class Robot:
             "odometry": node.create_publisher(Odometry, "odom", latched),
             "joints": node.create_publisher(JointState, "joint_states", 10),
             "image": node.create_publisher(Image, "oakd/rgb/preview/image_raw", 10),
+            "camera": node.create_publisher(CameraInfo, "oakd/rgb/preview/camera_info", 10),
             "estimate": node.create_publisher(CollisionEstimate, "collision/estimate", 5),
             "hazard": node.create_publisher(HazardDetectionVector, "hazard_detection", 5),
             "dock": node.create_publisher(DockStatus, "dock_status", latched),
@@ -103,12 +113,12 @@ class Robot:
         node.create_timer(0.002 if self.lock_step else PERIOD_S, self._step)
 
     def _on_velocity(self, message):
-        twist = message
+        twist, sent = message, time.time()
         if isinstance(message, TwistStamped):
-            twist = message.twist
+            twist, sent = message.twist, stamp_to_ns(message.header.stamp) * 1e-9
             self.frames.add(message.header.frame_id)
         self.v, self.w = twist.linear.x, twist.angular.z
-        self.commands.append((time.monotonic(), self.v, self.w))
+        self.commands.append((sent, self.v, self.w))
 
     def _on_tilt(self, message):
         self.tilt = message.data
@@ -170,6 +180,9 @@ class Robot:
         joints.header.stamp = stamp
         self._send("joints", joints)
         if self.count % 2 == 0:
+            if self.focal:
+                k = [self.focal, 0.0, 75.0, 0.0, self.focal, 75.0, 0.0, 0.0, 1.0]
+                self._send("camera", CameraInfo(height=150, width=150, k=k))
             self._send("image", self._picture(stamp))
             self.newest["image"] = stamp
         if self.count % 3 == 0:
@@ -196,10 +209,7 @@ class Robot:
     # The client's side
 
     def wait(self, condition, what):
-        end = time.monotonic() + DEADLINE_S
-        while not condition():
-            assert time.monotonic() < end, f"waited in vain: {what}"
-            time.sleep(0.01)  # between looks at the condition; the messages come in a thread
+        wait_until(condition, what)
 
     def send(self, goal="Laptop", **fields):
         """Send a goal, return its handle and the future of its result."""
@@ -225,22 +235,26 @@ class Robot:
     def wait_driving(self):
         self.wait(lambda: self.v > 0.1, "the robot to drive")
 
+    def wait_zeros(self, lasting, count=3):
+        """Wait until so many zero velocities have come at the end, sent for so long, s."""
+
+        def stopped():
+            moving = max(k for k, (_, v, w) in enumerate(self.commands) if v or w)
+            sent = [t for t, _, _ in self.commands[moving + 1 :]]
+            return len(sent) >= count and sent[-1] - sent[0] >= lasting
+
+        self.wait(stopped, f"{count} zeros in {lasting} s")
+
     def close(self):
         self.thread.end()
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
+        leave(self.node)
 
 
-def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.policy_node"), remap=""):
+def start_node(domain, log, *parameters, program=("-m", "cfnav_ros.ros.policy_node"), remap=""):
     command = [sys.executable, *program, "--ros-args", *(["-r", remap] if remap else [])]
     for parameter in parameters:
         command += ["-p", parameter]
-    env = {
-        **os.environ,
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_PYTHON_CHECK_FIELDS": "1",
-    }
+    env = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_PYTHON_CHECK_FIELDS": "1"}
     with log.open("w") as output:
         return subprocess.Popen(command, env=env, stdout=output, stderr=output)
 
@@ -250,7 +264,7 @@ def policy_graph(folder, domain):
     """Starts a robot and a policy node; afterwards the node must have been well or be ended."""
     started = []
 
-    def start(bundle, *parameters, program=("-m", "cfnav_ros.policy_node"), remap="", **robot):
+    def start(bundle, *parameters, program=("-m", "cfnav_ros.ros.policy_node"), remap="", **robot):
         log = folder / "log"
         robot = Robot(domain, **robot)
         robot.log = log

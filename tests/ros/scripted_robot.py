@@ -6,17 +6,24 @@ from concurrent.futures import Future
 from types import SimpleNamespace
 
 import numpy as np
-from cfnav_ros.episode import Episode, Phase
-from cfnav_ros.inputs import NEVER, Frame, Inputs, StampedEstimate, Tilt
-from cfnav_ros.lidar import Estimate, Verdict
-from cfnav_ros.limits import EpisodeLimits
-from cfnav_ros.motion import Odometry
-from cfnav_ros.preflight import BaseCheck
+from cfnav_ros.drive.episode import Episode
+from cfnav_ros.drive.inputs import Bumper, CameraFrame, SensorInputs, StampedEstimate, Tilt
+from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.drive.motion import Odometry
+from cfnav_ros.drive.phases import Phase
+from cfnav_ros.drive.preflight import BaseCheck
+from cfnav_ros.lidar.estimate import Estimate, Verdict
+from cfnav_ros.robot.stamps import NEVER
+
+from cfnav_core.task.camera import MAST
+from cfnav_core.task.p_hat import Known, make_p_hat
 
 DT = 0.05
 FREE = Estimate(0.01, 2.0, Verdict.GOOD, "", 1.0)
 BLOCKED = Estimate(0.97, 0.10, Verdict.GOOD, "", 1.0)
 BLIND = Estimate(1.0, 0.0, Verdict.BLIND, "Nothing returns.", 0.0)
+OWN = 0.5
+"""What the policy's own predictor always says."""
 READY = BaseCheck(type="geometry_msgs/msg/TwistStamped")
 
 
@@ -24,10 +31,11 @@ class ScriptedPolicy:
     """Answers a fixed list of actions and keeps what it was shown."""
 
     goals = ("Laptop", "Mug")
+    camera = MAST
 
     def __init__(self, *actions):
         self.actions = list(actions)
-        self.seen, self.own_too, self.calls = [], [], []
+        self.given, self.calls = [], []
 
     def admits(self, goal):
         return "" if goal in self.goals else f"found goal {goal!r}, expected one of Laptop, Mug"
@@ -35,10 +43,10 @@ class ScriptedPolicy:
     def reset(self, goal):
         self.calls.append(("reset", goal))
 
-    def act(self, rgb, collision_probability=None, own_too=False):
+    def act(self, rgb, collision_probability=None, p_hat=None, earlier=()):
         self.calls.append(("act", int(rgb[0, 0, 0])))
-        self.seen.append(collision_probability)
-        self.own_too.append(own_too)
+        known = Known(0.0, lambda: OWN, lidar=collision_probability, earlier=earlier)
+        self.given.append(make_p_hat(p_hat, known))
         return SimpleNamespace(
             action=self.actions.pop(0),
             probabilities=np.full(6, 1 / 6, np.float32),
@@ -63,8 +71,8 @@ class Robot:
         self.t = 100.0
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.estimate, self.base = FREE, READY
-        self.bumped, self.front_bumped = NEVER, NEVER  # when the newest report of it came
-        self.bump_stamp = NEVER
+        self.bumper = Bumper()
+        self.bumped = self.bump_stamp = NEVER  # when the newest report of it came, and its stamp
         self.stuck, self.tilt_stuck, self.slips = False, False, False
         self.odometry = lambda t: Odometry(t, self.x, self.y, self.yaw, self.v, self.w)
         self.fields = {}  # inputs that are other than they should be
@@ -76,15 +84,15 @@ class Robot:
     def sense(self):
         ns = round(self.t * 1e9)
         picture = np.full((4, 4, 3), int(self.t * 20) % 256, np.uint8)
-        new = Inputs(
+        new = SensorInputs(
             base=self.base,
-            frame=Frame(ns, lambda: picture),
+            frame=CameraFrame(ns, lambda: picture),
             estimate=StampedEstimate(ns, self.estimate),
             odometry=self.odometry(self.t),
             tilt=Tilt(self.t, self.tilt),
+            bumper=self.bumper,
             bumped_at=self.bump_stamp,
-            front_bumped_at=self.bump_stamp,
-            arrived={"bumped_at": self.bumped, "front_bumped_at": self.front_bumped},
+            arrived={"bumped_at": self.bumped},
         )
         new = dataclasses.replace(new, **self.fields)
         if self.lead:
@@ -114,13 +122,17 @@ class Robot:
                 self.tilt += step
         if output.record:
             self.records.append((self.t, output.record))
-        self.v, self.w = (0.0, 0.0) if self.stuck else (output.command.v, output.command.w)
+        self.move(output.command)
+        self.t += DT
+        return output
+
+    def move(self, command):
+        """What the base does with a command until the next."""
+        self.v, self.w = (0.0, 0.0) if self.stuck else (command.v, command.w)
         grip = 0.0 if self.slips else 1.0
         self.x += grip * self.v * math.cos(self.yaw) * DT
         self.y += grip * self.v * math.sin(self.yaw) * DT
         self.yaw += grip * self.w * DT
-        self.t += DT
-        return output
 
     def run(self, episode, until=lambda episode: episode.ended, limit=120.0):
         end = self.t + limit

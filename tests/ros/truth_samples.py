@@ -2,8 +2,8 @@
 
 import math
 
-from tests.deploy.expectations import EXPECTATIONS
-from tests.deploy.judge import Truth
+from studies.deploy.expectations import EXPECTATIONS
+from studies.deploy.judge import TruthSample
 
 STEP, TURN, PAUSE = (1.25, 0.2, 0.0), (1.0, 0.0, math.pi / 4), (0.5, 0.0, 0.0)
 """Parts of a drive: seconds, m/s, rad/s."""
@@ -20,7 +20,7 @@ def drive(*parts, begin=10.0, collisions=0):
         moving = v != 0 or w != 0
         still = 0.0 if moving else t
         for _ in range(round(seconds / 0.05)):
-            truth.append(Truth(t, x, 0.0, yaw, v, w, still, 0))
+            truth.append(TruthSample(t, x, 0.0, yaw, v, w, still, 0))
             t, x, yaw = t + 0.05, x + 0.05 * v * math.cos(yaw), yaw + 0.05 * w
-    truth[-1] = Truth(t, x, 0.0, yaw, 0.0, 0.0, still, collisions)
+    truth[-1] = TruthSample(t, x, 0.0, yaw, 0.0, 0.0, still, collisions)
     return truth

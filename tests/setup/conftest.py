@@ -24,8 +24,8 @@ def steps():
 
 
 @pytest.fixture
-def environment():
-    return importlib.import_module("environment")
+def commands():
+    return importlib.import_module("commands")
 
 
 @pytest.fixture

@@ -18,7 +18,8 @@ def checkout(tmp_path):
     """A copy of the set-up files, as after a clone."""
     for name in ("scripts", "requirements"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "Makefile", tmp_path)
+    for name in ("Makefile", "pyproject.toml"):
+        shutil.copy(ROOT / name, tmp_path)
     return tmp_path
 
 
@@ -31,19 +32,45 @@ def test_a_shell_in_a_fresh_clone_is_told_to_set_up(checkout):
     assert f"cfnav is not set up in {checkout}: run 'make setup' there first." in done.stderr
 
 
-def test_a_failing_command_shows_its_output_and_one_sentence(checkout):
+@pytest.fixture
+def offline(checkout):
+    """Runs `make setup` where pip finds no package."""
     variables = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(checkout)}
     variables = {k: v for k, v in variables.items() if k not in ("AMENT_PREFIX_PATH", "ROS_DISTRO")}
-    done = subprocess.run(
+    return lambda: subprocess.run(
         ["make", "setup", f"PYTHON={sys.executable}"],
         cwd=checkout, env=variables, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
+
+
+def test_a_failing_command_shows_its_output_and_one_sentence(checkout, offline):
+    done = offline()
     assert done.returncode != 0
     assert "Traceback" not in done.stderr
     assert "No matching distribution found" in done.stderr
-    assert "Set-up failed: pip could not install the packages (all of its output:" in done.stderr
-    assert not (checkout / ".venv/cfnav/packages.stamp").exists()
-    assert (checkout / ".venv/cfnav/venv.stamp").exists()
+    assert "Set-up failed: pip could not install uv (all of its output:" in done.stderr
+    assert not (checkout / ".venv/cfnav/venv.stamp").exists()
+
+
+def test_after_an_interruption_nothing_half_done_is_left(checkout, offline, steps):
+    half = checkout / ".venv/lib/half-installed"
+    built = checkout / "ros_ws/build/half-built"
+    stamp = checkout / ".venv/cfnav/test.stamp"
+    for path in (half, built, stamp):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(steps.BEGUN)
+    assert "An earlier run was interrupted during: Packages for tests" in offline().stdout
+    assert not half.exists()
+    assert not built.exists()
+    assert not stamp.exists()
+
+
+def test_an_environment_that_others_link_to_is_not_emptied(checkout, offline, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("venv")
+    (elsewhere / "kept").touch()
+    (checkout / ".venv").symlink_to(elsewhere)
+    assert "Set-up failed: Cannot call rmtree on a symbolic link" in offline().stderr
+    assert (elsewhere / "kept").exists()
 
 
 def running(folder):
@@ -71,11 +98,9 @@ def test_an_ended_set_up_says_so_and_is_taken_up_afresh(checkout):
         wait_until((checkout / ".venv/bin").exists, "the virtual environment has begun")
         wait_until(lambda: running(checkout), "a command runs")
         process.terminate()
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=300)
     finally:
         process.kill()
     assert process.returncode == 130
     wait_until(lambda: not running(checkout), "nothing goes on alone")
-    assert errors == "Set-up interrupted; the next run starts the interrupted step afresh.\n"
-    assert (checkout / ".venv/cfnav/in-progress").read_text() == "venv\n"
-    assert not (checkout / ".venv/cfnav/venv.stamp").exists()
+    assert errors == "Set-up interrupted; the next run starts afresh.\n"

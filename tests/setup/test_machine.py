@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 
 import pytest
 
@@ -79,15 +80,66 @@ def test_another_python_is_refused(system, steps, version):
         system.check_python(version)
 
 
-def test_a_sourced_jazzy_is_used_and_another_ros_refused(environment, steps, tmp_path, monkeypatch):
-    monkeypatch.setattr(environment, "ROS_FILE", tmp_path / "none")
-    package = tmp_path / "ros/share/rclpy/package.xml"
+def test_a_sourced_jazzy_is_used_and_another_ros_refused(system, steps, tmp_path):
+    venv, ros = tmp_path / ".venv", tmp_path / "ros"
+    record = venv / "cfnav/ros"
+    package = ros / "share/rclpy/package.xml"
     package.parent.mkdir(parents=True)
     package.write_text("<package/>")
-    sourced = {"AMENT_PREFIX_PATH": f"/nowhere:{tmp_path / 'ros'}", "ROS_DISTRO": "jazzy"}
-    assert environment.find_ros(sourced) == str(tmp_path / "ros")
-    assert environment.find_ros({}) == environment.WHEELS
+    sourced = {"AMENT_PREFIX_PATH": f"/nowhere:{ros}", "ROS_DISTRO": "jazzy"}
+    assert system.find_ros(sourced, record) == ros
+    assert system.find_ros({}, record) == venv
     with pytest.raises(steps.SetupError, match="Found ROS 'humble' sourced"):
-        environment.find_ros({**sourced, "ROS_DISTRO": "humble"})
-    (tmp_path / "ros/pyvenv.cfg").write_text("")  # a virtual environment with the wheels
-    assert environment.find_ros(sourced) == environment.WHEELS
+        system.find_ros({**sourced, "ROS_DISTRO": "humble"}, record)
+    record.parent.mkdir(parents=True)
+    record.write_text(f"{ros}\n")
+    assert system.find_ros({}, record) == venv  # it has gone since
+    (ros / "setup.bash").touch()
+    assert system.find_ros({}, record) == ros
+    record.unlink()
+    (ros / "pyvenv.cfg").touch()  # a virtual environment with the wheels
+    assert system.find_ros(sourced, record) == venv
+
+
+CONFIGURATION = """\
+:env:.find-links='/wheels /more'
+global.cert='/ca.crt'
+global.extra-index-url='file:///a\\nfile:///b'
+global.find-links='/elsewhere'
+global.timeout='9'
+install.constraint='/bounds.txt'
+"""
+
+
+def test_uv_is_told_what_pip_is_configured_to(commands):
+    assert commands.as_uv(commands.pip_settings(CONFIGURATION)) == {
+        "UV_INDEX_STRATEGY": "unsafe-best-match",
+        "UV_FIND_LINKS": "/wheels,/more",
+        "UV_INDEX": "file:///a file:///b",
+        "UV_CONSTRAINT": "/bounds.txt",
+        "SSL_CERT_FILE": "/ca.crt",
+    }
+
+
+@pytest.mark.parametrize("no_index", ["true", "no"])
+def test_uv_looks_into_no_index_when_pip_may_not(commands, monkeypatch, no_index):
+    monkeypatch.setattr(commands, "PYTHON", sys.executable)
+    monkeypatch.setenv("PIP_NO_INDEX", no_index)
+    monkeypatch.setenv("PIP_INDEX_URL", "https://user:secret@index/simple")
+    ran = []
+    monkeypatch.setattr(commands, "run", lambda command, failure, more: ran.append((command, more)))
+    commands.install("numpy")
+    ((command, more),) = ran
+    assert command[-1] == "numpy"
+    assert ("--no-index" in command) == (no_index == "true")
+    assert "secret" not in str(command)
+    assert more["UV_DEFAULT_INDEX"] == "https://user:secret@index/simple"
+
+
+def test_commands_see_nothing_of_another_environment(commands, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", "/elsewhere")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "/elsewhere")
+    monkeypatch.setenv("PATH", "/bin")
+    found = commands.variables()
+    assert "/elsewhere" not in found.values()
+    assert found["PATH"] == f"{commands.VENV}/bin:/bin"

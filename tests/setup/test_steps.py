@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,13 +12,12 @@ class Counted:
     """A step whose runs are counted; it makes its product from its input."""
 
     def __init__(self, steps, folder: Path) -> None:
-        self.runs = self.undone = 0
-        self.source, self.product = folder / "source", folder / "product"
+        self.runs = 0
+        self.source, self.product = folder / "source", folder / "made/product"
         self.source.write_text("one")
         self.failure: BaseException | None = None
-        self.step = steps.Step(
-            "copy", "Copying", self.product, [self.source, "word"], self.run, self.undo
-        )
+        stamp = folder / "made/stamp"
+        self.step = steps.Step("Copying", stamp, [self.source, "word"], self.run)
 
     def run(self) -> None:
         self.runs += 1
@@ -26,9 +26,8 @@ class Counted:
             raise self.failure
         self.product.write_text(self.source.read_text())
 
-    def undo(self) -> None:
-        self.undone += 1
-        self.product.unlink(missing_ok=True)
+    def ensure(self) -> bool:
+        return self.step.ensure(lambda line: None)
 
 
 @pytest.fixture
@@ -36,61 +35,45 @@ def counted(steps, tmp_path):
     return Counted(steps, tmp_path)
 
 
-def ensure(steps, tmp_path, counted):
-    """One run of the set-up: a new process knows nothing but the stamps."""
-    stamps = steps.Stamps(tmp_path / "stamps")
-    stamps.recover([counted.step])
-    return stamps.ensure(counted.step, lambda line: None)
-
-
-def test_a_step_runs_once(steps, tmp_path, counted):
-    assert [ensure(steps, tmp_path, counted) for _ in range(3)] == [True, False, False]
+def test_a_step_runs_once(counted):
+    assert [counted.ensure() for _ in range(3)] == [True, False, False]
     assert counted.runs == 1
 
 
-def test_a_changed_input_runs_it_again(steps, tmp_path, counted):
-    ensure(steps, tmp_path, counted)
+def test_a_changed_input_runs_it_again(counted):
+    counted.ensure()
     counted.source.write_text("two")
-    assert ensure(steps, tmp_path, counted)
+    assert counted.ensure()
     assert counted.product.read_text() == "two"
 
 
-def test_a_lost_product_runs_it_again(steps, tmp_path, counted):
-    ensure(steps, tmp_path, counted)
-    counted.product.unlink()
-    assert ensure(steps, tmp_path, counted)
+def test_a_deleted_folder_runs_it_again(counted):
+    counted.ensure()
+    shutil.rmtree(counted.product.parent)
+    assert counted.ensure()
 
 
-def test_an_interrupted_step_is_undone_and_done_afresh(steps, tmp_path, counted):
-    counted.failure = KeyboardInterrupt()
-    with pytest.raises(KeyboardInterrupt):
-        ensure(steps, tmp_path, counted)
-    assert counted.product.read_text() == "half"
-    counted.failure = None
-    assert ensure(steps, tmp_path, counted)
-    assert (counted.undone, counted.product.read_text()) == (1, "one")
-    assert not ensure(steps, tmp_path, counted)
-
-
-def test_a_killed_step_with_an_old_stamp_is_not_taken_for_done(steps, tmp_path, counted):
-    ensure(steps, tmp_path, counted)
+def test_an_interrupted_step_is_known_as_such_and_never_taken_for_done(counted):
+    counted.ensure()
     counted.source.write_text("two")
     counted.failure = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
-        ensure(steps, tmp_path, counted)
+        counted.ensure()
     counted.source.write_text("one")  # the inputs of the old stamp again
     counted.failure = None
-    assert ensure(steps, tmp_path, counted)
+    assert counted.step.interrupted()
+    assert counted.ensure()
     assert counted.product.read_text() == "one"
+    assert not counted.step.interrupted()
 
 
-def test_a_failed_step_is_tried_again_without_undoing(steps, tmp_path, counted):
+def test_a_failed_step_is_tried_again_and_was_not_interrupted(steps, counted):
     counted.failure = steps.SetupError("no network")
     with pytest.raises(steps.SetupError):
-        ensure(steps, tmp_path, counted)
+        counted.ensure()
+    assert not counted.step.interrupted()
     counted.failure = None
-    assert ensure(steps, tmp_path, counted)
-    assert counted.undone == 0
+    assert counted.ensure()
 
 
 def test_the_digest_sees_names_and_contents_but_not_caches(steps, tmp_path):

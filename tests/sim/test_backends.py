@@ -12,18 +12,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sim_bridge.dataset import render_scene
+from sim_bridge.data.dataset import Look, render_scene
 
-from cfnav_core.actions import Action
-from cfnav_core.bundle import WEIGHTS, shipped_bundle
-from cfnav_core.env import SceneBank
-from cfnav_core.evaluate import Candidate, Episodes, run_episodes
-from cfnav_core.export import export_bundle
-from cfnav_core.models import MODELS
-from cfnav_core.networks import AgentState, Networks, Sight
-from cfnav_core.policy import Decision, Policy
-from cfnav_core.scene import PICTURES
-from cfnav_core.vocabulary import CATEGORIES
+from cfnav_core.learn.env import SceneBank
+from cfnav_core.learn.evaluate import Candidate, Episodes, run_episodes
+from cfnav_core.learn.export import export_bundle
+from cfnav_core.models.table import MODELS
+from cfnav_core.policy.bundle import WEIGHTS, shipped_bundle, shipped_perception
+from cfnav_core.policy.networks import AgentState, Networks, Observation
+from cfnav_core.policy.policy import Decision, Policy
+from cfnav_core.scenes.scene import PICTURES
+from cfnav_core.task.actions import Action
+from cfnav_core.task.camera import MAST
+from cfnav_core.task.vocabulary import CATEGORIES
 from tests.core.model_samples import save_fresh
 
 TOLERANCE = 1e-5
@@ -41,7 +42,7 @@ class Room:
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> Room:
     folder = tmp_path_factory.mktemp("rooms")
-    render_scene("bathroom", 0, folder, shipped_bundle() / "perception.onnx", True)
+    render_scene("bathroom", 0, folder, Look(MAST, shipped_perception(), keep_pictures=True))
     pictures = np.load(folder / "bathroom_00000" / PICTURES, mmap_mode="r")
     return Room(SceneBank.load(folder), pictures)
 
@@ -49,7 +50,7 @@ def room(tmp_path_factory) -> Room:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> Callable[[str], tuple[Path, Path]]:
     """A function: name of a model -> a checkpoint and the bundle that was exported from it."""
-    root, perception = tmp_path_factory.mktemp("bundles"), shipped_bundle() / "perception.onnx"
+    root, perception = tmp_path_factory.mktemp("bundles"), shipped_perception()
 
     def make(name: str) -> tuple[Path, Path]:
         if name == "shipped":
@@ -74,13 +75,16 @@ class Recording:
     def zero_state(self, n: int) -> AgentState:
         return self.networks.zero_state(n)
 
+    def predict(self, sight: Observation, state: AgentState) -> np.ndarray:
+        return self.networks.predict(sight, state)
+
     def step(
-        self, sight: Sight, state: AgentState, collision_probability: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, sight: Observation, state: AgentState, collision_probability: np.ndarray
+    ) -> np.ndarray:
         self.before.append(Action(int(state.previous_action[0].argmax())))
-        pi, p_hat = self.networks.step(sight, state, collision_probability)
-        self.answers.append((pi[0], float(p_hat[0])))
-        return pi, p_hat
+        pi = self.networks.step(sight, state, collision_probability)
+        self.answers.append((pi[0], float(collision_probability[0])))
+        return pi
 
 
 def drive(

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from sim_bridge.base import Base, Odometry
+from sim_bridge.robot.base import Base, SimulatedOdometry
 
 DT = 0.01
 
@@ -83,7 +83,7 @@ def test_stop_forgets_speed_and_command():
 
 
 def test_odometry_follows_a_square():
-    odometry = Odometry()
+    odometry = SimulatedOdometry()
     for _ in range(3):
         odometry.move(1.0, 0.0, math.pi / 2)
     assert (odometry.x, odometry.y) == pytest.approx((0.0, 1.0))

@@ -1,12 +1,15 @@
 """When faults begin and end, and which messages feel it."""
 
 import pytest
-from sim_bridge.base import Motion
-from sim_bridge.fault_schedule import FaultSchedule, Order, read_schedule
-from sim_bridge.outbox import Outbox
-from sim_bridge.robot_clock import RobotClock
+from sim_bridge.faults.faults import EVERYTHING, FAULTS
+from sim_bridge.faults.outbox import Outbox
+from sim_bridge.faults.robot_clock import RobotClock
+from sim_bridge.faults.schedule import FaultOrder, FaultSchedule, read_schedule
+from sim_bridge.robot.base import TrueMotion
 
-REST = Motion(0.0, 0.0, 0.0)
+from cfnav_core.robot.topics import TOPICS
+
+REST = TrueMotion(0.0, 0.0, 0.0)
 
 
 def run(schedule, seconds, motion=REST, start=0.0):
@@ -20,7 +23,9 @@ def run(schedule, seconds, motion=REST, start=0.0):
 
 
 def test_fault_holds_from_its_time_for_its_duration():
-    schedule = FaultSchedule([Order("e_stop", at=0.5, duration=0.25), Order("docked", at=0.7)])
+    schedule = FaultSchedule(
+        [FaultOrder("e_stop", at=0.5, duration=0.25), FaultOrder("docked", at=0.7)]
+    )
     assert run(schedule, 0.6) == [(0.5, "e_stop", True)]
     assert schedule.active == {"e_stop"}
     assert run(schedule, 0.6, start=0.6) == [(0.7, "docked", True), (0.75, "e_stop", False)]
@@ -31,26 +36,26 @@ def test_fault_holds_from_its_time_for_its_duration():
     ("when", "motion", "begins"),
     [
         ("now", REST, 0.0),
-        ("driving", lambda t: Motion(t, 0.0, None), 0.11),
-        ("driving", lambda t: Motion(-t, 0.0, None), 0.11),
-        ("turning", lambda t: Motion(0.0, -t, None), 0.31),
-        ("standing", lambda t: Motion(0.0, 0.0, 0.05 if t >= 0.05 else None), 0.25),
+        ("driving", lambda t: TrueMotion(t, 0.0, None), 0.11),
+        ("driving", lambda t: TrueMotion(-t, 0.0, None), 0.11),
+        ("turning", lambda t: TrueMotion(0.0, -t, None), 0.31),
+        ("standing", lambda t: TrueMotion(0.0, 0.0, 0.05 if t >= 0.05 else None), 0.25),
     ],
 )
 def test_fault_waits_for_the_motion(when, motion, begins):
-    schedule = FaultSchedule([Order("base_stuck", when=when)])
+    schedule = FaultSchedule([FaultOrder("base_stuck", when=when)])
     assert run(schedule, 0.5, motion) == [(begins, "base_stuck", True)]
 
 
 @pytest.mark.parametrize("when", ["driving", "turning"])
 def test_fault_that_waits_for_a_motion_does_not_begin_at_rest(when):
-    assert run(FaultSchedule([Order("base_stuck", when=when)]), 1.0) == []
+    assert run(FaultSchedule([FaultOrder("base_stuck", when=when)]), 1.0) == []
 
 
 def test_table_ends_what_lasts_a_fixed_time():
     schedule = FaultSchedule()
-    schedule.order(Order("network_cut_1", duration=5.0))
-    schedule.order(Order("base_pushed"))
+    schedule.order(FaultOrder("network_cut_1", duration=5.0))
+    schedule.order(FaultOrder("base_pushed"))
     assert run(schedule, 2.0) == [
         (0.0, "network_cut_1", True),
         (0.0, "base_pushed", True),
@@ -60,9 +65,11 @@ def test_table_ends_what_lasts_a_fixed_time():
 
 
 def test_mending_ends_one_or_all_and_ordering_again_begins_anew():
-    schedule = FaultSchedule([Order("docked"), Order("e_stop"), Order("tilt_stuck", at=9.0)])
+    schedule = FaultSchedule(
+        [FaultOrder("docked"), FaultOrder("e_stop"), FaultOrder("tilt_stuck", at=9.0)]
+    )
     run(schedule, 0.1)
-    schedule.order(Order("docked"))
+    schedule.order(FaultOrder("docked"))
     assert schedule.update(0.2, REST) == [("docked", False), ("docked", True)]
     schedule.mend("docked")
     assert schedule.update(0.3, REST) == [("docked", False)]
@@ -72,7 +79,9 @@ def test_mending_ends_one_or_all_and_ordering_again_begins_anew():
 
 
 def test_fault_that_begins_anew_by_schedule_ends_first():
-    schedule = FaultSchedule([Order("clock_stop"), Order("clock_stop", at=0.1, duration=0.1)])
+    schedule = FaultSchedule(
+        [FaultOrder("clock_stop"), FaultOrder("clock_stop", at=0.1, duration=0.1)]
+    )
     assert run(schedule, 0.3) == [
         (0.0, "clock_stop", True),
         (0.1, "clock_stop", False),
@@ -93,7 +102,7 @@ def test_fault_that_begins_anew_by_schedule_ends_first():
 )
 def test_order_that_makes_no_sense_is_one_sentence(order, words):
     with pytest.raises(ValueError, match=words):
-        Order(**order)
+        FaultOrder(**order)
     if "when" not in order:
         with pytest.raises(ValueError, match="unknown"):
             FaultSchedule().mend("gremlins")
@@ -105,8 +114,8 @@ def test_schedule_file_holds_orders(tmp_path):
         "- {fault: scan_silent, at: 2, duration: 1.5}\n- {fault: e_stop, when: driving}"
     )
     assert read_schedule(str(path)) == [
-        Order("scan_silent", at=2, duration=1.5),
-        Order("e_stop", when="driving"),
+        FaultOrder("scan_silent", at=2, duration=1.5),
+        FaultOrder("e_stop", when="driving"),
     ]
 
 
@@ -134,7 +143,7 @@ def test_bad_schedule_file_is_one_sentence(tmp_path, text, words):
 
 def sent_by(faults, *, messages, latency=0.0):
     """Times at which messages made at given times are sent while faults hold from 0 on."""
-    schedule = FaultSchedule([Order(name) for name in faults])
+    schedule = FaultSchedule([FaultOrder(name) for name in faults])
     outbox, sent = Outbox(schedule), []
     for step in range(1000):
         t = step * 0.01
@@ -166,7 +175,7 @@ def test_cut_network_passes_nothing_for_a_second():
 
 
 def test_no_message_overtakes_another_when_a_delay_ends():
-    schedule = FaultSchedule([Order("scan_late_1", duration=0.5)])
+    schedule = FaultSchedule([FaultOrder("scan_late_1", duration=0.5)])
     outbox, sent = Outbox(schedule), []
     for step in range(300):
         t = step * 0.01
@@ -180,12 +189,12 @@ def test_no_message_overtakes_another_when_a_delay_ends():
 
 def test_share_of_lost_commands_repeats_itself_for_a_seed():
     def kept(seed):
-        schedule = FaultSchedule([Order("cmd_loss_30")], seed)
+        schedule = FaultSchedule([FaultOrder("cmd_loss_30")], seed)
         schedule.update(0.0, REST)
         return [schedule.pass_on("cmd_vel", (0.1, 0.0), 0.0)[0] is not None for _ in range(4000)]
 
     assert kept(1) == kept(1) != kept(2)
-    schedule = FaultSchedule([Order("cmd_loss_30")], 5)
+    schedule = FaultSchedule([FaultOrder("cmd_loss_30")], 5)
     schedule.update(0.0, REST)
     rows = []
     for _ in range(2):
@@ -198,24 +207,29 @@ def test_share_of_lost_commands_repeats_itself_for_a_seed():
 def test_broken_clock_jumps_stands_and_recovers():
     clock = RobotClock()
     assert clock(20.0) == 20.0
-    clock.suffer(frozenset({"clock_ahead"}), 20.0)
+    clock.take_faults(frozenset({"clock_ahead"}), 20.0)
     assert clock(21.0) == 31.0
-    clock.suffer(frozenset({"clock_back"}), 21.0)
+    clock.take_faults(frozenset({"clock_back"}), 21.0)
     assert (clock(22.0), clock(3.0)) == (12.0, 0.0)
-    clock.suffer(frozenset({"clock_stop"}), 22.0)
+    clock.take_faults(frozenset({"clock_stop"}), 22.0)
     assert (clock.stopped_at, clock(25.0)) == (12.0, 12.0)
-    clock.suffer(frozenset(), 26.0)
+    clock.take_faults(frozenset(), 26.0)
     assert (clock(26.0), clock.true(26.0)) == (26.0, 26.0)
 
 
 def test_clock_that_shows_little_jumps_back_to_zero_and_runs_on():
     clock = RobotClock()
-    clock.suffer(frozenset({"clock_back"}), 3.0)
+    clock.take_faults(frozenset({"clock_back"}), 3.0)
     assert [clock(t) for t in (3.0, 3.5, 20.0)] == [0.0, 0.5, 17.0]
-    clock.suffer(frozenset({"clock_back", "e_stop"}), 20.0)
+    clock.take_faults(frozenset({"clock_back", "e_stop"}), 20.0)
     assert clock(20.0) == 17.0
-    clock.suffer(frozenset({"e_stop"}), 21.0)
+    clock.take_faults(frozenset({"e_stop"}), 21.0)
     assert clock(21.0) == 21.0
     clock.epoch = 1e6
-    clock.suffer(frozenset({"clock_back"}), 3.0)
+    clock.take_faults(frozenset({"clock_back"}), 3.0)
     assert clock(3.0) == 1e6 - 7.0
+
+
+def test_a_fault_names_topics_by_their_roles():
+    named = {topic for fault in FAULTS.values() for topic in fault.topics}
+    assert named - {EVERYTHING} <= TOPICS.keys()

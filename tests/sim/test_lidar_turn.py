@@ -1,14 +1,20 @@
 """A turn of the LiDAR takes time: what it shows of a robot that stands, drives and turns."""
 
-import math
-
 import numpy as np
 import pytest
-from sim_bridge.lidar_turn import LidarTurn
-from sim_bridge.rplidar import SCAN_PERIOD
-from sim_bridge.world import Pose, World
+from sim_bridge.robot.lidar_turn import LidarTurn, standing_turn
+from sim_bridge.robot.noise import Noise, NoiseLevels
+from sim_bridge.robot.rplidar import (
+    MODES,
+    SCAN_PERIOD,
+    STANDARD,
+    bearings,
+    driver_ranges,
+    sample_angles,
+)
+from sim_bridge.world.world import Pose, World
 
-from tests.sim.test_simulator import WALL_X, bare_room
+from tests.sim.test_simulator import bare_room
 
 
 @pytest.fixture(scope="module")
@@ -16,21 +22,36 @@ def world():
     return World(bare_room())
 
 
-def turns(world, pose_at, seconds):
-    """(begin, distances, time of completion) of each turn of a robot that moves as told."""
+EXACT = Noise(NoiseLevels().scaled(0.0), 0)
+ANGLES = sample_angles(STANDARD, 0.5)
+"""Where samples are taken without noise; at 2 kHz each bin holds one of them."""
+
+
+def turns(world, pose_at, seconds, mode=STANDARD):
+    """(begin, ranges, time of completion) of each turn of a robot that moves as told."""
     turn, found = LidarTurn(), []
     for step in range(1, round(seconds * 100) + 1):
         t = step * 0.01
         if turn.complete(t, pose_at(t)):
-            found.append((turn.began, turn.distances(world), t))
+            found.append((turn.began, turn.ranges(world, EXACT, mode), t))
             turn.next()
     return found
 
 
-def test_standing_robot_sees_what_one_cast_sees(world):
+def seen_from(world, poses):
+    """The driver's turn of samples that are cast from a pose each."""
+    distances = [
+        world.scan(bearings(angle[None]), pose)[0]
+        for angle, pose in zip(ANGLES, poses, strict=True)
+    ]
+    return driver_ranges(ANGLES, np.array(distances, np.float32), STANDARD)
+
+
+@pytest.mark.parametrize("mode", MODES.values(), ids=list(MODES))
+def test_standing_robot_sees_what_one_cast_sees(world, mode):
     pose = Pose(1.0, 1.0, 0.3)
-    for _, distances, _ in turns(world, lambda t: pose, 1.0):
-        assert np.array_equal(distances, world.scan(pose))
+    for _, ranges, _ in turns(world, lambda t: pose, 1.0, mode):
+        assert np.array_equal(ranges, standing_turn(world, EXACT, mode, pose))
 
 
 def test_turns_follow_each_other_and_are_stamped_with_their_beginning(world):
@@ -42,29 +63,26 @@ def test_turns_follow_each_other_and_are_stamped_with_their_beginning(world):
         assert 0 <= complete - began - SCAN_PERIOD <= 0.01
 
 
-def test_beams_of_a_driving_robot_come_from_where_it_was(world):
+def test_each_sample_comes_from_where_the_robot_was_when_it_was_taken(world):
+    """Physics steps of 0.01 s: a sample sees the robot at the end of its step."""
+
     def pose_at(t):
-        return Pose(1.0 + 0.3 * t, 1.0, 0.0)
+        return Pose(1.0 + 0.3 * t, 1.0, 1.2 * t)
 
-    _, distances, complete = turns(world, pose_at, 0.2)[0]
-    # Clockwise from bearing 270 (to the right): the front, bearing 0, comes after 270/360.
-    when = 270 / 360 * SCAN_PERIOD
-    lidar_x = pose_at(when).x - 0.04
-    assert distances[0] == pytest.approx(WALL_X - lidar_x, abs=0.3 * 0.011)
-    assert distances[0] > WALL_X - (pose_at(complete).x - 0.04) + 0.005
+    _, ranges, complete = turns(world, pose_at, 0.2)[0]
+    steps = np.ceil(ANGLES / 360 * SCAN_PERIOD / 0.01 - 1e-6)
+    assert np.array_equal(ranges, seen_from(world, [pose_at(0.01 * step) for step in steps]))
+    assert not np.allclose(ranges, standing_turn(world, EXACT, STANDARD, pose_at(complete)))
 
 
-def test_turning_smears_bearings(world):
-    def pose_at(t):
-        return Pose(1.0, 1.0, t)
-
-    _, distances, complete = turns(world, pose_at, 0.2)[0]
-    late, still = world.scan(pose_at(complete)), world.scan(pose_at(0.0))
-    # The first beam (bearing 270) saw the robot before its turn, the last one after.
-    assert distances[269] == pytest.approx(still[269], rel=0.02)
-    assert distances[271] == pytest.approx(late[271], rel=0.02)
-    assert not np.allclose(distances[:90], late[:90], rtol=1e-3)
-    assert math.isfinite(distances[0])
+def test_noise_draws_the_phase_of_each_turn(world):
+    pose = Pose(1.0, 1.0, 0.3)
+    levels = NoiseLevels(range_share=0.0, range_resolution=0.0, dropout=1e-12, edge_ghost=0.0)
+    noise = Noise(levels, 0)
+    first, second = (standing_turn(world, noise, STANDARD, pose) for _ in range(2))
+    assert not np.array_equal(np.isinf(first), np.isinf(second))
+    assert 0.0 <= noise.phase() < 1.0
+    assert EXACT.phase() == 0.5
 
 
 def test_restart_begins_a_turn_then(world):

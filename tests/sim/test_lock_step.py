@@ -1,10 +1,10 @@
 """Who waits for whom in lock-step."""
 
-from sim_bridge.lock_step import LockStep
+from sim_bridge.ros.lock_step import LockStepServer
 
 
 def test_time_runs_until_somebody_answers_for_the_first_time():
-    lock = LockStep()
+    lock = LockStepServer()
     lock.ask(1, 1)
     assert not lock.stands
     lock.answer(0, False)  # to a moment that is over: but somebody hears
@@ -14,7 +14,7 @@ def test_time_runs_until_somebody_answers_for_the_first_time():
 
 
 def test_time_stands_at_every_moment_until_that_moment_is_answered():
-    lock = LockStep()
+    lock = LockStepServer()
     lock.answer(0, False)
     for moment in (1, 2, 3):
         lock.ask(moment, 1)
@@ -25,7 +25,7 @@ def test_time_stands_at_every_moment_until_that_moment_is_answered():
 
 
 def test_idle_policy_lets_time_stand_until_it_takes_the_moment_up():
-    lock = LockStep()
+    lock = LockStepServer()
     lock.ask(1, 1)
     lock.answer(1, True)
     assert lock.stands
@@ -34,7 +34,7 @@ def test_idle_policy_lets_time_stand_until_it_takes_the_moment_up():
 
 
 def test_start_is_greeted_at_the_first_moment_that_is_answered_from_then_on():
-    lock, greeted = LockStep(), []
+    lock, greeted = LockStepServer(), []
     lock.ask(1, 1)
     lock.answer(1, True)
     lock.begin(lambda: greeted.append("a"))

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from sim_bridge.noise import Noise, NoiseLevels, blurred
-from sim_bridge.simulator import Simulator
-from sim_bridge.world import World
+from sim_bridge.robot.lidar_turn import standing_turn
+from sim_bridge.robot.noise import Noise, NoiseLevels, blurred
+from sim_bridge.robot.simulator import Simulator
+from sim_bridge.world.world import World
 
 from tests.sim.test_simulator import bare_room
 
@@ -178,7 +179,7 @@ def test_two_runs_of_the_simulator_with_noise_are_the_same_to_the_last_bit():
                 )
             simulator.step()
             if step % 13 == 0:
-                seen.append(noise.scan(simulator.world.scan()).tobytes())
+                seen.append(standing_turn(simulator.world, noise).tobytes())
             odometry = simulator.odometry
             seen.append((simulator.world.pose, odometry.x, odometry.y, odometry.yaw))
         return seen

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from sim_bridge.overhangs import blocked_moves, crosses_plane
-from sim_bridge.room import generate_room
+from sim_bridge.data.overhangs import blocked_moves, crosses_plane
+from sim_bridge.room.room import generate_room
 
 
 def test_what_the_plane_does_not_cross_is_unseen():

@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from sim_bridge.own_motions import UNDOCK_S, BackupBuffer
-from sim_bridge.simulator import Simulator
-from sim_bridge.world import HULL_RADIUS, World
+from sim_bridge.robot.own_motions import DOCK_S, UNDOCK_S, BackupBuffer
+from sim_bridge.robot.simulator import Simulator
+from sim_bridge.world.world import HULL_RADIUS, World
 
 from tests.sim.test_simulator import WALL_X, bare_room, drive
 
@@ -45,7 +45,7 @@ def test_base_without_reflexes_keeps_pushing():
 
 def test_stuck_bumper_makes_it_back_off_once_and_not_far():
     simulator = robot(1.5)
-    simulator.suffer(frozenset({"bumper_stuck"}))
+    simulator.take_faults(frozenset({"bumper_stuck"}))
     drive(simulator, 0.0, 0.0, 4.0)
     assert 1.5 - simulator.world.pose.x == pytest.approx(0.15, abs=0.015)
     assert not simulator.busy
@@ -53,7 +53,7 @@ def test_stuck_bumper_makes_it_back_off_once_and_not_far():
 
 def test_reflex_that_cannot_move_gives_up():
     simulator = robot(1.5)
-    simulator.suffer(frozenset({"bumper_stuck", "base_stuck"}))
+    simulator.take_faults(frozenset({"bumper_stuck", "base_stuck"}))
     drive(simulator, 0.0, 0.0, 2.1)
     assert not simulator.busy
 
@@ -146,21 +146,73 @@ def test_undocking_without_power_is_dropped_and_not_taken_up_again(seconds, dock
 
 def test_back_off_without_power_is_dropped_and_not_taken_up_again():
     simulator = robot(1.5)
-    simulator.suffer(frozenset({"bumper_stuck"}))
+    simulator.take_faults(frozenset({"bumper_stuck"}))
     drive(simulator, 0.0, 0.0, 0.3)
     assert simulator.busy
-    simulator.suffer(frozenset({"bumper_stuck", "e_stop"}))
+    simulator.take_faults(frozenset({"bumper_stuck", "e_stop"}))
     drive(simulator, 0.0, 0.0, 0.5)
-    simulator.suffer(frozenset({"bumper_stuck"}))
+    simulator.take_faults(frozenset({"bumper_stuck"}))
     x = simulator.world.pose.x
     drive(simulator, 0.0, 0.0, 1.0)
     assert simulator.world.pose.x == pytest.approx(x, abs=1e-6)
 
 
+def run_own(simulator):
+    """Let the base do what it does by itself to its end, commands or not."""
+    while simulator.busy:
+        simulator.command(0.2, 0.3)
+        simulator.step()
+
+
+def left_its_dock(x=1.2):
+    simulator = robot(x)
+    assert not simulator.dock_visible
+    simulator.dock()
+    simulator.undock()
+    run_own(simulator)
+    return simulator
+
+
+def test_a_robot_goes_back_to_a_dock_in_sight_from_where_it_is():
+    simulator = left_its_dock()
+    drive(simulator, 0.0, -0.7, 1.0)
+    drive(simulator, 0.2, 0.0, 1.5)
+    drive(simulator, 0.0, 0.0, 0.5)
+    assert simulator.dock_visible
+    dock = simulator.go_to_dock()
+    run_own(simulator)
+    pose = simulator.world.pose
+    assert (dock.done, simulator.docked) == (True, True)
+    assert math.dist((pose.x, pose.y), (1.2, 1.0)) < 0.05
+    assert abs(math.remainder(pose.yaw, math.tau)) < 0.05
+    simulator.undock()
+    run_own(simulator)
+    assert not simulator.docked
+
+
+def test_a_dock_far_away_is_not_seen():
+    simulator = left_its_dock(2.2)
+    drive(simulator, 0.2, 0.0, 4.0)
+    assert not simulator.dock_visible
+
+
+def test_going_back_to_the_dock_is_given_up_when_it_cannot_be_or_is_told_so():
+    simulator = left_its_dock()
+    simulator.take_faults(frozenset({"base_stuck"}))
+    dock = simulator.go_to_dock()
+    drive(simulator, 0.0, 0.0, DOCK_S + 0.1)
+    assert (simulator.busy, dock.done, simulator.docked) == (False, False, False)
+    simulator.take_faults(frozenset())
+    dock = simulator.go_to_dock()
+    drive(simulator, 0.0, 0.0, 1.0)
+    simulator.stop_own()
+    assert (simulator.busy, dock.done, simulator.docked) == (False, False, False)
+
+
 def test_dock_that_is_a_fault_holds_a_driving_robot():
     simulator = robot(1.5)
     drive(simulator, 0.2, 0.0, 1.0)
-    simulator.suffer(frozenset({"docked"}))
+    simulator.take_faults(frozenset({"docked"}))
     drive(simulator, 0.2, 0.0, 1.0)
     assert simulator.docked
     assert simulator.world.velocity[0] == pytest.approx(0.0, abs=1e-6)
@@ -169,6 +221,6 @@ def test_dock_that_is_a_fault_holds_a_driving_robot():
 def test_base_without_power_does_not_back_off():
     simulator = robot(2.8)
     simulator.e_stop = True
-    simulator.suffer(frozenset({"bumper_stuck"}))
+    simulator.take_faults(frozenset({"bumper_stuck"}))
     drive(simulator, 0.0, 0.0, 1.0)
     assert simulator.world.pose.x == pytest.approx(2.8)

@@ -3,7 +3,7 @@
 import itertools
 
 import pytest
-from sim_bridge.pacing import Every, Pacer
+from sim_bridge.ros.pacing import Every, Pacer
 
 
 @pytest.mark.parametrize(("rate", "seconds"), [(15.0, 20), (7.7, 20), (20.0, 20)])

@@ -3,12 +3,12 @@
 import math
 
 import pytest
-from sim_bridge.collisions import Collisions
-from sim_bridge.grid import Start
-from sim_bridge.parts import Part, RoomObject
-from sim_bridge.room import Room
-from sim_bridge.simulator import Simulator
-from sim_bridge.world import Contact, World
+from sim_bridge.robot.collisions import Collisions
+from sim_bridge.robot.simulator import Simulator
+from sim_bridge.room.parts import Part, RoomObject
+from sim_bridge.room.room import Room
+from sim_bridge.world.grid import StartPose
+from sim_bridge.world.world import Touch, World
 
 WALL_X = 3.0
 HULL_RADIUS, MAST_RADIUS = 0.175, 0.03
@@ -137,7 +137,7 @@ def test_mast_hits_what_the_hull_passes_under(simulator):
 
 
 def test_contacts_closer_than_the_gap_are_one_collision():
-    touch = [Contact("hull", "Wall", 0.0, 0.1)]
+    touch = [Touch("hull", "Wall", 0.0, 0.1)]
     collisions = Collisions()
     times = (1.0, 1.3, 1.79, 2.28, 2.78)  # the last gap is 0.5 s
     began = [collisions.update(t, touch, 0.1) for t in times]
@@ -158,7 +158,7 @@ def test_camera_tilts_within_its_range(simulator):
 
 def test_episode_account(simulator):
     drive(simulator, 0.2, 0.0, 1.0)
-    simulator.start_episode("Mug", Start(2.6, 1.0, 0.0, 1.25, 9))
+    simulator.start_episode("Mug", StartPose(2.6, 1.0, 0.0, 1.25, 9))
     drive(simulator, 0.2, 0.0, 2.0)
     account = simulator.end_episode()
     assert (account.goal, account.shortest_path, account.collisions) == ("Mug", 1.25, 1)
@@ -188,5 +188,5 @@ def test_same_commands_give_the_same_motion_to_the_last_bit():
 
 def test_goal_distance_is_to_the_nearest_edge_of_the_footprint(simulator):
     assert simulator.goal_distance() == math.inf
-    simulator.start_episode("Wall", Start(1.0, 1.0, 0.0, 1.0, 5))
+    simulator.start_episode("Wall", StartPose(1.0, 1.0, 0.0, 1.0, 5))
     assert simulator.goal_distance() == pytest.approx(WALL_X - 1.0)

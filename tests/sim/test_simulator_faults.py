@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from sim_bridge.simulator import Simulator
-from sim_bridge.world import World
+from sim_bridge.robot.simulator import Simulator
+from sim_bridge.world.world import World
 
 from tests.sim.test_simulator import bare_room, drive
 
@@ -16,8 +16,8 @@ def simulator():
     return simulator
 
 
-def suffer(simulator, *faults):
-    simulator.suffer(frozenset(faults))
+def give(simulator, *faults):
+    simulator.take_faults(frozenset(faults))
 
 
 def moved(simulator):
@@ -26,17 +26,17 @@ def moved(simulator):
 
 
 def test_stuck_base_does_not_move_and_its_wheels_do_not_turn(simulator):
-    suffer(simulator, "base_stuck")
+    give(simulator, "base_stuck")
     drive(simulator, 0.2, 0.5, 1.0)
     assert moved(simulator) < 1e-6
     assert simulator.twist == pytest.approx((0.0, 0.0), abs=1e-6)
-    suffer(simulator)
+    give(simulator)
     drive(simulator, 0.2, 0.0, 0.05)
     assert simulator.world.velocity[0] < 0.06  # it speeds up from rest
 
 
 def test_slipping_wheels_report_a_motion_that_is_none(simulator):
-    suffer(simulator, "base_slip")
+    give(simulator, "base_slip")
     drive(simulator, 0.2, 0.0, 1.0)
     assert moved(simulator) < 1e-6
     assert simulator.odometry.x == pytest.approx(0.0, abs=1e-6)
@@ -44,10 +44,10 @@ def test_slipping_wheels_report_a_motion_that_is_none(simulator):
 
 
 def test_push_moves_the_robot_back_and_sideways_without_a_command(simulator):
-    suffer(simulator, "base_pushed")
+    give(simulator, "base_pushed")
     for _ in range(50):
         simulator.step()
-    suffer(simulator)
+    give(simulator)
     drive(simulator, 0.0, 0.0, 0.5)
     pose = simulator.world.pose
     assert moved(simulator) == pytest.approx(0.15, abs=0.005)
@@ -59,23 +59,57 @@ def test_push_moves_the_robot_back_and_sideways_without_a_command(simulator):
 @pytest.mark.parametrize("fault", ["base_busy", "e_stop"])
 def test_base_that_does_not_listen_brakes_and_stands(simulator, fault):
     drive(simulator, 0.2, 0.0, 1.0)
-    suffer(simulator, fault)
+    give(simulator, fault)
     assert simulator.wheels_enabled is (fault != "e_stop")
     drive(simulator, 0.2, 0.0, 0.3)
     x = simulator.world.pose.x
     drive(simulator, 0.2, 0.0, 1.0)
     assert simulator.world.pose.x == pytest.approx(x, abs=1e-6)
-    suffer(simulator)
+    give(simulator)
     drive(simulator, 0.2, 0.0, 0.5)
     assert simulator.world.pose.x > x + 0.05
 
 
+def test_action_of_its_own_is_a_circle_that_no_command_ends(simulator):
+    drive(simulator, 0.2, 0.0, 0.5)
+    give(simulator, "base_action")
+    assert simulator.busy
+    drive(simulator, 0.0, 0.0, 1.0)
+    assert simulator.world.velocity == pytest.approx((0.1, 0.5), abs=0.01)
+    drive(simulator, 0.0, 0.0, math.tau / 0.5 - 1.0)
+    assert moved(simulator) < 0.15
+    give(simulator)
+    drive(simulator, 0.0, 0.0, 0.5)
+    assert simulator.motion.still_since is not None
+
+
+def test_stuck_base_frees_itself_to_either_side_whatever_it_is_told(simulator):
+    give(simulator, "base_frees_itself")
+    rates = []
+    for _ in range(6):
+        drive(simulator, 0.2, 0.0, 0.5)
+        rates.append(simulator.world.velocity[1])
+    assert sorted(rates) == pytest.approx([-1.5] * 3 + [1.5] * 3, abs=0.1)
+    assert 0.1 < 1.0 - simulator.world.pose.x < 0.2
+
+
+def test_slowed_base_drives_and_turns_no_faster(simulator):
+    give(simulator, "base_slowed")
+    drive(simulator, 0.2, 0.0, 0.5)
+    assert simulator.world.velocity == pytest.approx((0.1, 0.0), abs=0.01)
+    drive(simulator, 0.0, 1.0, 0.5)
+    assert simulator.world.velocity == pytest.approx((0.0, 0.1 / 0.1165), abs=0.02)
+    give(simulator)
+    drive(simulator, 0.2, 0.0, 0.5)
+    assert simulator.world.velocity[0] == pytest.approx(0.2, abs=0.01)
+
+
 def test_odometry_jumps_and_turns_once(simulator):
-    suffer(simulator, "odom_jump")
+    give(simulator, "odom_jump")
     drive(simulator, 0.0, 0.0, 0.1)
-    suffer(simulator, "odom_jump", "odom_turned")
+    give(simulator, "odom_jump", "odom_turned")
     drive(simulator, 0.0, 0.0, 0.1)
-    suffer(simulator)
+    give(simulator)
     drive(simulator, 0.0, 0.0, 0.1)
     odometry = simulator.odometry
     assert (odometry.x, odometry.y, odometry.yaw) == pytest.approx((0.5, 0.0, math.pi / 2))
@@ -85,14 +119,14 @@ def test_odometry_jumps_and_turns_once(simulator):
 def test_stuck_tilt_stays_where_it_is(simulator):
     simulator.tilt_to(-0.5)
     drive(simulator, 0.0, 0.0, 0.2)
-    suffer(simulator, "tilt_stuck")
+    give(simulator, "tilt_stuck")
     drive(simulator, 0.0, 0.0, 0.5)
     assert simulator.world.pose.tilt == pytest.approx(-0.2, abs=0.011)
 
 
 def test_stuck_bumper_is_pressed_in_front_without_a_contact(simulator):
     assert simulator.pressed() == []
-    suffer(simulator, "bumper_stuck")
+    give(simulator, "bumper_stuck")
     assert simulator.pressed() == [0.0]
     assert not simulator.collisions.contacts
 
@@ -111,6 +145,6 @@ def test_standing_still_is_known_to_the_step(simulator):
     stopped = simulator.time
     drive(simulator, 0.0, 0.0, 1.0)
     assert simulator.motion.still_since == stopped
-    suffer(simulator, "base_pushed")
+    give(simulator, "base_pushed")
     drive(simulator, 0.0, 0.0, 0.2)
     assert simulator.motion.still_since is None

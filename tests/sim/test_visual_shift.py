@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sim_bridge.visual_shift import CAST, shifted
+from sim_bridge.world.visual_shift import CAST, shifted
 
 GREY = np.full((120, 120, 3), 128, np.uint8)
 

@@ -1,17 +1,19 @@
 """Rooms, free space, contacts, scans and pictures of the real world model."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from sim_bridge.camera import Camera
-from sim_bridge.grid import DIRECTIONS, goal_states, start_episode, state_grid
-from sim_bridge.room import generate_room
-from sim_bridge.world import HULL_RADIUS, LARGEST_PICTURE, LIDAR_X, Pose, World
+from sim_bridge.room.room import generate_room
+from sim_bridge.world.camera import Camera
+from sim_bridge.world.grid import DIRECTIONS, goal_states, start_episode, state_grid
+from sim_bridge.world.world import HULL_RADIUS, LARGEST_PICTURE, LIDAR_X, Pose, World
 
-from cfnav_core.actions import STEP_M, Action
-from cfnav_core.scene import HEADINGS, HORIZONS
-from cfnav_core.vocabulary import DATA2_TARGETS, ROOM_TYPES
+from cfnav_core.scenes.scene import HEADINGS, HORIZONS
+from cfnav_core.task.actions import STEP_M, Action
+from cfnav_core.task.camera import CAMERAS, MAST
+from cfnav_core.task.vocabulary import DATA2_TARGETS, ROOM_TYPES
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +116,7 @@ def test_data_set_and_live_world_agree(world, grid):
 def test_scan_sees_the_walls_of_an_empty_corner(world):
     room = world.room
     pose = Pose(room.width / 2, room.depth / 2, 0.3)
-    ranges = world.scan(pose)
+    ranges = world.scan(np.deg2rad(np.arange(360)), pose)
     origin = np.array([pose.x + LIDAR_X * math.cos(0.3), pose.y + LIDAR_X * math.sin(0.3)])
     angle = np.deg2rad(np.arange(360)) + 0.3
     ends = origin + ranges[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
@@ -149,7 +151,7 @@ def test_pictures_repeat_and_tilt_matters(camera, grid):
 
 def test_largest_picture_can_be_drawn():
     world = World(generate_room("bathroom", 3))
-    with Camera(world, LARGEST_PICTURE, LARGEST_PICTURE) as camera:
+    with Camera(world, replace(MAST, size=(LARGEST_PICTURE, LARGEST_PICTURE))) as camera:
         large = camera.rgb(Pose(1.0, 1.0, 0.5))
     with Camera(world) as camera:
         small = camera.rgb(Pose(1.0, 1.0, 0.5))
@@ -165,15 +167,20 @@ def test_pruned_goal_states_equal_looking_everywhere(world, camera, grid, goal):
     np.testing.assert_array_equal(goal_states(world, camera, grid, goal)[::3], everywhere)
 
 
-def test_camera_that_does_not_tilt_sees_no_goal_from_a_tilted_state(grid):
+def test_a_camera_that_does_not_tilt_has_level_states_only(grid):
     world = World(generate_room("kitchen", 3))  # a camera sets the field of view of its world
-    with Camera(world, 250, 250, 40.0, (-0.06, 0.244), tilts=False) as camera:
-        seen = goal_states(world, camera, grid, "Fridge").reshape(-1, HORIZONS)
-        some = range(0, len(seen), 5)
-        level = [camera.goal_visible("Fridge", grid.pose(k * HORIZONS)) for k in some]
-    assert not seen[:, 1:].any()
-    assert any(level)
-    np.testing.assert_array_equal(seen[::5, 0], level)
+    with Camera(world, CAMERAS["preview"]) as camera:
+        level = state_grid(world, camera.set_up.horizons)
+        seen = goal_states(world, camera, level, "Fridge")
+        some = [camera.goal_visible("Fridge", level.pose(k)) for k in range(0, len(seen), 5)]
+    assert any(some)
+    np.testing.assert_array_equal(seen[::5], some)
+    np.testing.assert_array_equal(level.positions, grid.positions)
+    np.testing.assert_array_equal(level.collided, grid.collided[::2])
+    looks = level.next_state[:, [Action.LookUp, Action.LookDown]]
+    np.testing.assert_array_equal(looks, np.arange(len(seen))[:, None].repeat(2, 1))
+    ahead = level.next_state[:, Action.MoveAhead]
+    np.testing.assert_array_equal(ahead, grid.next_state[::2, Action.MoveAhead] // 2)
 
 
 def test_start_is_far_enough_and_repeats(world, camera):

@@ -13,27 +13,32 @@ from pathlib import Path
 
 import numpy as np
 
-from cfnav_core.policy import Policy
-from cfnav_ros.bags.contacts import STALL, Contact
-from cfnav_ros.bags.decode import TILT_JOINT
-from cfnav_ros.bags.drives import Book, Drive
-from cfnav_ros.bags.episodes_file import EpisodeRow
-from cfnav_ros.bags.estimates import Estimates
-from cfnav_ros.bags.events import Bumps, Event, Joint, Judged, LaserTurn, Picture, Pose
+from cfnav_core.policy.policy import Policy
+from cfnav_ros.bags.files.decode import TILT_JOINT
+from cfnav_ros.bags.files.events import Bumps, Event, Joint, Judged, LaserTurn, Picture, Pose
+from cfnav_ros.bags.files.reading import Bag
+from cfnav_ros.bags.files.roles import Roles, assign, told
 from cfnav_ros.bags.film import Film
-from cfnav_ros.bags.health import Finding, Health
-from cfnav_ros.bags.outcomes import OBSERVABLE, DriveOutcome, contacts_of, judge
-from cfnav_ros.bags.reading import Bag
-from cfnav_ros.bags.replay import Replay
-from cfnav_ros.bags.replay_step import LeftOut, ReplayStep, labelled
-from cfnav_ros.bags.roles import Roles, assign
+from cfnav_ros.bags.health.health import Finding, Health
+from cfnav_ros.bags.health.topic_watch import TopicHealth
+from cfnav_ros.bags.judge.contacts import STALL, Contact
+from cfnav_ros.bags.judge.drive_log import Drive
+from cfnav_ros.bags.judge.drives import DriveFinder
+from cfnav_ros.bags.judge.episodes_file import EpisodeRow
+from cfnav_ros.bags.judge.odometry import OneOdometry
+from cfnav_ros.bags.judge.outcomes import DriveOutcome, counted_contacts, judge
+from cfnav_ros.bags.replay.estimates import Estimates
+from cfnav_ros.bags.replay.replay import Replay
+from cfnav_ros.bags.replay.step import LeftOut, ReplayStep, labelled
 from cfnav_ros.bags.scan_map import ScanMap
-from cfnav_ros.bags.topic_watch import TopicHealth
-from cfnav_ros.limits import EpisodeLimits
-from cfnav_ros.scan_watch import LidarParameters
+from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.lidar.scan_watch import LidarParameters
 
 TICK = 1000
 """Events between two words of progress."""
+
+ANOTHER = "--namespace {} judges another"
+"""How one of several robots is chosen."""
 
 STEADY: dict[str, type[Event]] = {
     "image": Picture,
@@ -47,12 +52,13 @@ STEADY: dict[str, type[Event]] = {
 
 
 @dataclass(frozen=True)
-class Options:
+class JudgeOptions:
     """How bags are evaluated.
 
     Attributes:
         bundles: folders of those that are replayed, by name; "" is the shipped one.
         topics: names of topics by role, where they are not the usual ones.
+        namespace: of the robot, where a bag holds several.
         rows: of an episodes file.
         lidar: of the LiDAR node; ``mount_given``: its mounting was set by somebody.
         limits: of the policy node.
@@ -61,6 +67,7 @@ class Options:
 
     bundles: Mapping[str, str] = field(default_factory=dict)
     topics: Mapping[str, str] = field(default_factory=dict)
+    namespace: str = ""
     rows: tuple[EpisodeRow, ...] = ()
     lidar: LidarParameters = field(default_factory=LidarParameters)
     mount_given: bool = False
@@ -86,11 +93,21 @@ class EvaluatedDrive:
     contacts: tuple[Contact, ...]
     steps: tuple[ReplayStep, ...]
     pictures: Mapping[int, bytes]
-    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.float32), repr=False)
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.float32))
+
+    def __repr__(self) -> str:
+        o = self.outcome
+        reached = {True: "reached", False: "not reached", None: "reached or not"}[o.success.value]
+        touches = "?" if o.collisions.value is None else o.collisions.value
+        metres = "?" if o.driven_m.value is None else f"{o.driven_m.value:.2f}"
+        return (
+            f"<Drive to {o.goal or 'nowhere'}: {o.outcome or 'not told'}, {reached}, "
+            f"{touches} touches, {'?' if o.steps is None else o.steps} steps, {metres} m>"
+        )
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class BagEvaluation:
     """What one bag says.
 
     Attributes:
@@ -108,6 +125,7 @@ class Evaluation:
         messages: that were read.
         unchecked: how many of them no checksum protects: damage within them goes unnoticed.
         bundles: names that the replayed bundles give themselves, by that of their steps.
+        unused: topics that play no role, as told in a sentence.
     """
 
     name: str
@@ -124,6 +142,10 @@ class Evaluation:
     messages: int = 0
     unchecked: int = 0
     bundles: Mapping[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Evaluation of bag {self.name}: {len(self.drives)} drives, {self.seconds:.1f} s>"
 
 
 @lru_cache(maxsize=8)
@@ -134,10 +156,10 @@ def policy_of(folder: str) -> Policy:
 
 def evaluate(
     path: Path,
-    options: Options,
+    options: JudgeOptions,
     tick: Callable[[int], None] = lambda events: None,
     name: str = "",
-) -> Evaluation:
+) -> BagEvaluation:
     """Evaluate one bag.
 
     Args:
@@ -151,7 +173,7 @@ def evaluate(
         BundleError: a bundle cannot be used.
     """
     with Bag(path) as bag:
-        roles = assign(bag.topics, options.topics)
+        roles = assign(bag.topics, options.topics, namespace=options.namespace)
         work = _Work(name or path.name, roles, options)
         for count, event in enumerate(bag.events(roles, options.tilt_joint), 1):
             work.see(event)
@@ -159,19 +181,22 @@ def evaluate(
                 tick(TICK)
         tick(work.events % TICK)
         found = work.finish(tuple(bag.notes))
-        return replace(found, messages=bag.read, unchecked=bag.unchecked)
+        used = {topic.key for topic in roles.topics.values()}
+        unused = tuple(told(topic) for topic in bag.topics if topic.key not in used)
+        return replace(found, messages=bag.read, unchecked=bag.unchecked, unused=unused)
 
 
 class _Work:
     """Every part of the evaluation, shown the same events."""
 
-    def __init__(self, name: str, roles: Roles, options: Options) -> None:
+    def __init__(self, name: str, roles: Roles, options: JudgeOptions) -> None:
         self.events = 0
         self._name, self._roles = name, roles
         self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
         steady = [(t, STEADY[role]) for role, t in roles.topics.items() if role in STEADY]
         self._health = Health({t.name: kind for t, kind in steady if t.count == 0})
-        self._book, self._film = Book(options.rows), Film()
+        self._finder, self._film = DriveFinder(options.rows), Film()
+        self._odometry = OneOdometry()
         self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
         self._scanned = _holds(roles, "scan")
@@ -194,23 +219,26 @@ class _Work:
         self._health.see(event)
         if isinstance(event, Judged) and self._scanned:
             return  # those made again count, as the bundles see them
+        if isinstance(event, Pose) and not self._odometry.takes(event):
+            return
         for judged in self._estimates.see(event) if self._scanned else ():
             self._health.see(judged)
-            self._keep(self._book.see(judged))
+            self._keep(self._finder.see(judged))
         if self._infer:
             self._begin_rows(event)
         self._replay.see(event)
-        self._map(event)
+        mount = self._estimates.mount_of(event.scan.frame) if isinstance(event, LaserTurn) else None
+        self._scan_map.see(event, mount)
         if not isinstance(event, LaserTurn):
-            self._keep(self._book.see(event))
-            if any(contact.source == STALL for contact in self._book.contacts):
+            self._keep(self._finder.see(event))
+            if any(contact.source == STALL for contact in self._finder.contacts):
                 self._replay.stalled()
 
-    def finish(self, notes: Sequence[str]) -> Evaluation:
+    def finish(self, notes: Sequence[str]) -> BagEvaluation:
         """The bag is over."""
         self._replay.finish()
-        self._keep(self._book.finish())
-        return Evaluation(
+        self._keep(self._finder.finish())
+        return BagEvaluation(
             name=self._name,
             seconds=(self._last_ns - self._first_ns) * 1e-9,
             events=self.events,
@@ -220,16 +248,16 @@ class _Work:
             left_out=tuple(self._replay.left_out),
             topics=self._health.topics(),
             findings=self._health.findings(),
-            notes=(*self._roles.notes, *self._book.notes, *notes),
+            notes=(
+                *self._roles.about_robots(ANOTHER),
+                *self._roles.notes,
+                *self._odometry.notes,
+                *self._finder.notes,
+                *notes,
+            ),
             damaged=bool(notes),
             bundles={key: policy.name for key, policy in self._policies.items()},
         )
-
-    def _map(self, event: Event) -> None:
-        """Keep what the LiDAR sees, for drives without a map."""
-        turn = event if isinstance(event, LaserTurn) else None
-        mount = self._estimates.mount_of(turn.scan.frame) if turn else None
-        self._scan_map.see(event, mount)
 
     def _begin_rows(self, event: Event) -> None:
         """Tell the replay of the drives of an episodes file; recorded ones tell it themselves."""
@@ -253,11 +281,9 @@ class _Work:
     def _evaluated(
         self, drive: Drive, pictures: Mapping[int, bytes], points: np.ndarray
     ) -> EvaluatedDrive:
-        outcome, found = judge(drive), contacts_of(drive)
-        source = outcome.collisions.source
-        contacts = found.get(source, ()) if source else found.get(OBSERVABLE, ())
-        within = self._steps_of(drive)
-        steps = labelled(within, [c.t_ns for c in contacts]) if source else within
+        outcome, contacts, steps = judge(drive), counted_contacts(drive), self._steps_of(drive)
+        if outcome.collisions.known:
+            steps = labelled(steps, [contact.t_ns for contact in contacts])
         return EvaluatedDrive(drive, outcome, contacts, tuple(steps), pictures, points)
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Container, Mapping, Sequence
 
+import cv2
 import numpy as np
-from PIL import Image
 
-from cfnav_ros.bags.drives import Drive
-from cfnav_ros.bags.outcomes import OBSERVABLE, contacts_of
-from cfnav_ros.bags.replay_step import ReplayStep
-from cfnav_ros.bags.scores import disagreements
+from cfnav_ros.bags.judge.drive_log import Drive
+from cfnav_ros.bags.judge.outcomes import counted_contacts
+from cfnav_ros.bags.replay.scores import disagreements
+from cfnav_ros.bags.replay.step import ReplayStep
 
 FRAMES = 8
 """Pictures of the course of each drive."""
@@ -55,8 +54,8 @@ class Film:
         return {ns: inside[ns][1] for ns in sorted(chosen)}
 
 
-def key_stamps(drive: Drive, asked: Mapping[int, int], count: int = FRAMES) -> list[int]:
-    """Choose the pictures worth showing.
+def key_stamps(drive: Drive, asked: Mapping[int, int]) -> list[int]:
+    """Choose the ``FRAMES`` pictures of its course that are worth showing.
 
     First and last, those before each collision, those of vetoed decisions, that of the most
     probable collision; the rest evenly spaced.
@@ -64,44 +63,40 @@ def key_stamps(drive: Drive, asked: Mapping[int, int], count: int = FRAMES) -> l
     Args:
         drive: a finished drive.
         asked: when each picture was decided on, nanoseconds, by its stamp.
-        count: of those to choose.
     """
     stamps = sorted(asked, key=lambda ns: asked[ns])
-    if len(stamps) <= count:
+    if len(stamps) <= FRAMES:
         return stamps
     times, last = np.array([asked[ns] for ns in stamps]), len(stamps) - 1
-    found = contacts_of(drive)
-    contacts = found.get("truth", found.get(OBSERVABLE, ()))
-    chosen = {int(np.searchsorted(times, c.t_ns, side="right")) - 1 for c in contacts}
+    contacts = [contact.t_ns for contact in counted_contacts(drive)]
+    chosen = set((np.searchsorted(times, contacts, side="right") - 1).tolist())
     place = {ns: k for k, ns in enumerate(stamps)}
     shown = [d for d in drive.decisions if d.image_ns in place]
     if shown:
         chosen.add(place[max(shown, key=lambda d: d.collision_probability).image_ns])
     chosen |= {place[d.image_ns] for d in shown if d.vetoed}
-    chosen = {0, last, *sorted(chosen - {-1, 0, last})[: count - 2]}
-    for k in np.linspace(0, last, count).round().astype(int):
-        if len(chosen) < count:
+    chosen = {0, last, *sorted(chosen - {-1, 0, last})[: FRAMES - 2]}
+    for k in np.linspace(0, last, FRAMES).round().astype(int):
+        if len(chosen) < FRAMES:
             chosen.add(int(k))
     return [stamps[k] for k in sorted(chosen)]
 
 
-def moment_stamps(
-    steps: Sequence[ReplayStep], stamps: Container[int], count: int = MOMENTS
-) -> list[int]:
-    """Choose the pictures on which bundles would surest have done something else, surest first.
+def moment_stamps(steps: Sequence[ReplayStep], stamps: Container[int]) -> list[int]:
+    """Choose the pictures on which any bundle would surest have done something else, surest first.
 
     Args:
         steps: answers of the bundles to the decisions of one drive.
         stamps: of its pictures, nanoseconds.
-        count: of those to choose, whichever bundles disagree.
     """
     shown = [step for step in steps if step.image_ns in stamps]
-    return list(dict.fromkeys(s.image_ns for s in disagreements(shown, len(shown))))[:count]
+    return list(dict.fromkeys(s.image_ns for s in disagreements(shown, len(shown))))[:MOMENTS]
 
 
 def _jpeg(rgb: np.ndarray) -> bytes:
-    picture = Image.fromarray(np.ascontiguousarray(rgb))
-    picture.thumbnail((SIDE, SIDE))
-    buffer = io.BytesIO()
-    picture.save(buffer, format="JPEG", quality=80)
-    return buffer.getvalue()
+    height, width = rgb.shape[:2]
+    shrink = min(SIDE / max(height, width), 1.0)
+    size = max(round(width * shrink), 1), max(round(height * shrink), 1)
+    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    _, file = cv2.imencode(".jpg", small[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return file.tobytes()

@@ -5,7 +5,7 @@ interval over drives, and why something of it is null.
 
 =================== ==============================================================================
 ``facts``           what the caller says of the run: strings by name
-``figures``         by name (``figures.over_drives``): ``value, low, high, drives``, ``sources``
+``figures``         by name (``figures.over_drives``): figures with ``drives``, ``sources``
                     (drives by source), ``left_out`` (drives by the reason)
 ``drivers``         ``name`` (empty: not told) and ``figures`` of each bundle that drove; none when
                     one drove them all
@@ -25,7 +25,8 @@ interval over drives, and why something of it is null.
 
 ``drives.csv``: ``bag``, ``drive`` (number within the report), ``found, start_ns, seconds, goal,
 room, bundle`` (the driver), ``outcome, message, steps, vetoes``; the facts of ``DriveOutcome`` each
-with ``*_source``; ``collisions_*`` by source; ``missing`` (which fact, and why), ``notes``.
+with ``*_source``; ``collisions_*`` by source; ``missing`` (which fact, and why, or
+what to bear in mind of it), ``notes``.
 
 ``decisions.csv``: ``bag``, ``drive``, ``seconds`` from its start, then the fields of ``ReplayStep``
 by their names, actions by theirs, and ``agrees, p_driven``, ``p_*`` by action.
@@ -39,19 +40,17 @@ import csv
 import io
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from cfnav_core.actions import Action
-from cfnav_ros.bags.contacts import OBSERVABLE, SOURCES
-from cfnav_ros.bags.evaluation import EvaluatedDrive, Evaluation
-from cfnav_ros.bags.figures import Mean
-from cfnav_ros.bags.replay_step import ReplayStep
-from cfnav_ros.bags.scores import Agreement, CollisionScores, Comparison, Figure
+from cfnav_core.task.actions import Action
+from cfnav_ros.bags.evaluation import BagEvaluation, EvaluatedDrive
+from cfnav_ros.bags.judge.contacts import OBSERVABLE, SOURCES
+from cfnav_ros.bags.judge.figures import counted_reasons
+from cfnav_ros.bags.replay.step import ReplayStep
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in
 
 METRICS, DRIVES, DECISIONS, HEALTH = "metrics.json", "drives.csv", "decisions.csv", "health.csv"
@@ -70,6 +69,9 @@ ANSWERS = (
     "detection_score", "would_veto", "intact", "collided",
 )  # fmt: skip
 
+BAG = ("name", "seconds", "events", "damaged", "messages", "unchecked", "missing", "notes")
+"""Of an ``BagEvaluation``; the others have other names."""
+
 DRIVE_COLUMNS = (
     "bag", "drive", "found", "start_ns", *TOLD,
     *(name for fact in FACTS for name in (fact, f"{fact}_source")),
@@ -82,7 +84,7 @@ HEALTH_COLUMNS = ("bag", "topic", "kind", "start", "end", "count", "text", "trea
 
 
 def result_files(
-    evaluations: Sequence[Evaluation],
+    evaluations: Sequence[BagEvaluation],
     summary: Summary,
     facts: Mapping[str, str],
     failed: Sequence[str] = (),
@@ -106,20 +108,19 @@ def result_files(
     ]
     found = [row for bag in evaluations for row in health_rows(bag)]
     metrics = {
-        "facts": dict(facts),
-        "figures": {name: _mean(mean) for name, mean in summary.figures.items()},
+        "facts": facts,
+        "figures": summary.figures,
         "drivers": [
-            {"name": name, "figures": {key: _mean(mean) for key, mean in figures.items()}}
-            for name, figures in summary.drivers.items()
+            {"name": name, "figures": figures} for name, figures in summary.drivers.items()
         ],
         "drives": drives,
         "bundles": [_bundle(scores) for scores in summary.bundles],
         "comparison": [
-            {"first": pair.first, "second": pair.second, **_comparison(pair.found)}
-            for pair in summary.pairs
+            {"first": first, "second": second, **vars(found)}
+            for (first, second), found in summary.pairs.items()
         ],
         "bags": [_bag(evaluation) for evaluation in evaluations],
-        "failed": list(failed),
+        "failed": failed,
     }
     return {
         METRICS: json.dumps(_plain(metrics), indent=1, allow_nan=False, ensure_ascii=False) + "\n",
@@ -147,43 +148,35 @@ def decision_row(
     number: int, bag: str, evaluated: EvaluatedDrive, step: ReplayStep
 ) -> dict[str, Any]:
     """The answer of one bundle to one decision."""
-    row = {"bag": bag, "drive": number, "seconds": (step.t_ns - evaluated.drive.start_ns) * 1e-9}
-    for name in ANSWERS:
-        value = getattr(step, name)
-        row[name] = value.name if isinstance(value, Action) else value
-    return row | {f"p_{action.name}": float(step.probabilities[action]) for action in Action}
+    row = {"bag": bag, "drive": number, "seconds": evaluated.drive.since_start(step.t_ns)}
+    row |= {name: getattr(step, name) for name in ANSWERS}
+    return row | {f"p_{action.name}": step.probabilities[action] for action in Action}
 
 
-def health_rows(evaluation: Evaluation) -> list[dict[str, Any]]:
+def health_rows(evaluation: BagEvaluation) -> list[dict[str, Any]]:
     """The findings about the sensors of one bag."""
     return [{"bag": evaluation.name, **asdict(finding)} for finding in evaluation.findings]
 
 
-def left_out(evaluation: Evaluation) -> list[tuple[str, str, int]]:
+def left_out(evaluation: BagEvaluation) -> list[tuple[str, str, int]]:
     """Decisions that were not answered: bundle (empty: all), the first's reason, how many.
 
     Reasons that differ in numbers only, such as stamps, are one.
     """
-    counts: dict[tuple[str, str], int] = {}
-    first: dict[tuple[str, str], str] = {}
+    reasons: dict[str, list[str]] = {}
     for out in evaluation.left_out:
-        key = (out.bundle, re.sub(r"\d+(\.\d+)?", "#", out.reason))
-        counts[key] = counts.get(key, 0) + 1
-        first.setdefault(key, out.reason)
-    return [(key[0], first[key], count) for key, count in counts.items()]
+        reasons.setdefault(out.bundle, []).append(out.reason)
+    return [
+        (bundle, reason, count)
+        for bundle, told in reasons.items()
+        for reason, count in counted_reasons(told).items()
+    ]
 
 
-def _bag(evaluation: Evaluation) -> dict[str, Any]:
+def _bag(evaluation: BagEvaluation) -> dict[str, Any]:
     return {
-        "name": evaluation.name,
-        "seconds": evaluation.seconds,
-        "events": evaluation.events,
-        "damaged": evaluation.damaged,
-        "messages": evaluation.messages,
-        "unchecked": evaluation.unchecked,
-        "topics": dict(evaluation.roles),
-        "missing": list(evaluation.missing),
-        "notes": list(evaluation.notes),
+        **{name: getattr(evaluation, name) for name in BAG},
+        "topics": evaluation.roles,
         "left_out": [
             {"bundle": bundle, "reason": reason, "count": count}
             for bundle, reason, count in left_out(evaluation)
@@ -194,60 +187,22 @@ def _bag(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _bundle(scores: BundleScores) -> dict[str, Any]:
+    found = scores.agreement
     return {
         "name": scores.name,
         "own_name": scores.own_name,
-        "decisions": scores.agreement.steps,
+        "decisions": found.steps,
         "left_out": scores.left_out,
-        "agreement": _agreement(scores.agreement),
-        "collision": {"lidar": _collision(scores.lidar), "rgb": _collision(scores.rgb)},
-        "reproduction": asdict(scores.own),
-    }
-
-
-def _agreement(found: Agreement) -> dict[str, Any]:
-    answers = {
-        driven.name: {own.name: int(found.answers[driven, own]) for own in Action}
-        for driven in Action
-    }
-    return {
-        "overall": asdict(found.overall),
-        "p_driven": asdict(found.p_driven),
-        "by_action": {action.name: asdict(value) for action, value in found.by_action.items()},
-        "answers": answers,
-    }
-
-
-def _collision(found: CollisionScores) -> dict[str, Any]:
-    figures = {name: asdict(value) for name, value in vars(found).items() if _is_figure(value)}
-    return {
-        "moves": found.moves,
-        "collisions": found.collisions,
-        **figures,
-        "bins": [asdict(one) for one in found.bins],
-        "roc": found.roc,
-        "precision_recall": found.precision_recall,
-    }
-
-
-def _comparison(found: Comparison) -> dict[str, Any]:
-    figures = {name: asdict(value) for name, value in vars(found).items() if _is_figure(value)}
-    return {"steps": found.steps, "not_paired": found.not_paired, **figures}
-
-
-def _is_figure(value: object) -> bool:
-    return isinstance(value, Figure)
-
-
-def _mean(mean: Mean) -> dict[str, Any]:
-    low, high = mean.interval or (None, None)
-    return {
-        "value": mean.value,
-        "low": low,
-        "high": high,
-        "drives": mean.drives,
-        "sources": dict(mean.sources),
-        "left_out": dict(mean.left_out),
+        "agreement": {
+            "overall": found.overall,
+            "p_driven": found.p_driven,
+            "by_action": found.by_action,
+            "answers": {
+                driven: {own: found.answers[driven, own] for own in Action} for driven in Action
+            },
+        },
+        "collision": {"lidar": scores.lidar, "rgb": scores.rgb},
+        "reproduction": scores.own,
     }
 
 
@@ -256,18 +211,20 @@ def _table(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows({name: _plain(value) for name, value in row.items()} for row in rows)
+    writer.writerows(map(_plain, rows))
     return text.getvalue()
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold; a number that is not finite becomes null."""
+    """What JSON and a table can hold; a number that is not finite becomes null."""
+    if is_dataclass(value):
+        return _plain(vars(value))
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Action):
+        return value.name
+    if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
     return None if isinstance(value, float) and not math.isfinite(value) else value

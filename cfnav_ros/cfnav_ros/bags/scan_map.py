@@ -11,12 +11,13 @@ from collections import deque
 
 import numpy as np
 
-from cfnav_ros.bags.clocks import Clocks
-from cfnav_ros.bags.drives import MOST, Drive
-from cfnav_ros.bags.events import Event, LaserTurn, Pose
-from cfnav_ros.lidar import SweptDisc
-from cfnav_ros.motion import wrap
-from cfnav_ros.returns import Mount, beams, malformed, measured
+from cfnav_ros.bags.files.events import Event, LaserTurn, Pose
+from cfnav_ros.bags.judge.clocks import Clocks
+from cfnav_ros.bags.judge.drive_log import Drive
+from cfnav_ros.bags.judge.drives import MOST
+from cfnav_ros.drive.motion import wrap
+from cfnav_ros.lidar.estimate import SweptDisc
+from cfnav_ros.lidar.returns import Mount, beams, malformed, measured
 
 APART_M, APART_RAD = 0.2, math.radians(20.0)
 """A scan is kept when the robot has moved so far since the last that was."""

@@ -6,20 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from cfnav_ros.bags.evaluation import EvaluatedDrive, Evaluation
-from cfnav_ros.bags.figures import Mean, over_drives
-from cfnav_ros.bags.outcomes import DriveOutcome
-from cfnav_ros.bags.replay_step import ReplayStep, Reproduction, reproduction
-from cfnav_ros.bags.scores import (
+from cfnav_ros.bags.evaluation import BagEvaluation, EvaluatedDrive
+from cfnav_ros.bags.judge.figures import Mean, over_drives
+from cfnav_ros.bags.judge.outcomes import DriveOutcome
+from cfnav_ros.bags.replay.scores import (
     Agreement,
     CollisionScores,
-    Comparison,
+    DecisionComparison,
     agreement,
     collision_scores,
     compare,
     lidar_predictions,
     rgb_predictions,
 )
+from cfnav_ros.bags.replay.step import ReplayStep, Reproduction, reproduction
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,6 @@ class BundleScores:
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Two bundles compared: ``second`` minus ``first``."""
-
-    first: str
-    second: str
-    found: Comparison
-
-
-@dataclass(frozen=True)
 class Summary:
     """Everything that is known over several drives.
 
@@ -63,21 +54,22 @@ class Summary:
         drivers: the same of each bundle that drove, by its name (empty: not told); nothing when
             one drove them all.
         bundles: scores, in the order in which the bundles were given.
-        pairs: each bundle compared with each later one.
+        pairs: each later bundle compared with each earlier one, by the names of both in their
+            order.
     """
 
     figures: Mapping[str, Mean]
     drivers: Mapping[str, Mapping[str, Mean]]
     bundles: tuple[BundleScores, ...]
-    pairs: tuple[Pair, ...]
+    pairs: Mapping[tuple[str, str], DecisionComparison]
 
 
-def drives_in(evaluations: Sequence[Evaluation]) -> list[tuple[Evaluation, EvaluatedDrive]]:
+def drives_in(evaluations: Sequence[BagEvaluation]) -> list[tuple[BagEvaluation, EvaluatedDrive]]:
     """All drives with the bag each is from; their places in this list are their numbers."""
     return [(evaluation, drive) for evaluation in evaluations for drive in evaluation.drives]
 
 
-def summarise(evaluations: Sequence[Evaluation]) -> Summary:
+def summarise(evaluations: Sequence[BagEvaluation]) -> Summary:
     """Work out all that rests on more than one drive.
 
     Args:
@@ -90,7 +82,7 @@ def summarise(evaluations: Sequence[Evaluation]) -> Summary:
         figures=over_drives([drive.outcome for drive in drives]),
         drivers=_by_driver([drive.outcome for drive in drives]),
         bundles=tuple(_scores(name, steps[name], evaluations) for name in names),
-        pairs=tuple(Pair(a, b, compare(steps[a], steps[b])) for a, b in combinations(names, 2)),
+        pairs={(a, b): compare(steps[a], steps[b]) for a, b in combinations(names, 2)},
     )
 
 
@@ -103,7 +95,7 @@ def _by_driver(outcomes: Sequence[DriveOutcome]) -> dict[str, dict[str, Mean]]:
 
 
 def _scores(
-    name: str, steps: Sequence[ReplayStep], evaluations: Sequence[Evaluation]
+    name: str, steps: Sequence[ReplayStep], evaluations: Sequence[BagEvaluation]
 ) -> BundleScores:
     own_name = next((e.bundles[name] for e in evaluations if name in e.bundles), "")
     return BundleScores(

@@ -9,12 +9,12 @@ import h5py
 import numpy as np
 import pytest
 
-from cfnav_core.actions import Action
+from cfnav_core.files.whole import WriteError
 from cfnav_core.published import ai2thor
 from cfnav_core.published.keys import state_of
-from cfnav_core.published.layouts import LAYOUTS, scene_folders
 from cfnav_core.published.reader import Choice, read_room
-from cfnav_core.whole import WriteError
+from cfnav_core.scenes.layouts import LAYOUTS, scene_folders
+from cfnav_core.task.actions import Action
 from tests.core.disks import AGAIN, full_disk
 
 POSITIONS = [(0.0, 0.0), (0.25, 0.0), (0.25, 0.25), (0.0, 0.25)]

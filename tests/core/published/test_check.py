@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cfnav_core.published.check import check_root, check_scene
-from cfnav_core.published.layouts import LAYOUTS, scene_folders
 from cfnav_core.published.reader import Choice
-from cfnav_core.scene_check import check_alike
+from cfnav_core.scenes.check import check_alike
+from cfnav_core.scenes.layouts import LAYOUTS, scene_folders
 
 from . import drawn
 

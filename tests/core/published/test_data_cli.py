@@ -7,17 +7,17 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cfnav_core import cli
-from cfnav_core.published.layouts import LAYOUTS, scene_folders
+from cfnav import cli
 from cfnav_core.published.reader import Choice, read_scene
 from cfnav_core.published.start_states import read_episodes
-from cfnav_core.store import StoreHead, open_store
+from cfnav_core.scenes.layouts import LAYOUTS, scene_folders
+from cfnav_core.scenes.store import StoreHead, open_store
+from tests.conftest import wait_until
 from tests.core.worlds import hall
 
 from . import drawn
@@ -32,8 +32,7 @@ def cfnav(monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["cfnav", "data", *map(str, arguments)])
         handler = signal.getsignal(signal.SIGTERM)
         try:
-            cli.main()
-            code = 0
+            code = cli.main()
         except SystemExit as end:
             code = end.code
         finally:
@@ -180,7 +179,7 @@ FIRST_SCENES = """
 import sys
 from pathlib import Path
 from cfnav_core.published.convert import convert
-from cfnav_core.published.layouts import LAYOUTS, scene_folders
+from cfnav_core.scenes.layouts import LAYOUTS, scene_folders
 from cfnav_core.published.reader import Choice
 layout = LAYOUTS["data2"]
 root, choice = Path(sys.argv[1]), Choice(layout, layout.objects)
@@ -196,10 +195,9 @@ def test_a_killed_convert_goes_on(cfnav, data2, tmp_path):
     os.mkfifo(boxes)  # whoever reads the second scene waits here for ever
     command = [sys.executable, "-c", FIRST_SCENES, str(root), str(store)]
     first = subprocess.Popen(command, cwd=Path(__file__).parents[3], stderr=subprocess.DEVNULL)
-    head, end = tmp_path / "store.partial/store.json", time.monotonic() + 60
-    while not head.exists() and time.monotonic() < end:
-        assert first.poll() is None
-        time.sleep(0.02)
+    begun = (tmp_path / "store.partial/store.json").exists
+    wait_until(lambda: begun() or first.poll() is not None, "the first scene")
+    assert first.poll() is None
     first.kill()
     first.wait()
     boxes.unlink()
@@ -279,4 +277,4 @@ def test_without_h5py_there_is_one_sentence(cfnav, data1, tmp_path, monkeypatch)
     command = ("convert", data1, "--out", tmp_path / "s", "--processes", 1)
     code, _, err = cfnav(*command)
     assert code == 2
-    assert "found no h5py, which this command needs; install it with pip install" in err
+    assert "found no h5py, which this needs; install it with pip install" in err

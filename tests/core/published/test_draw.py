@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from cfnav_core.env import ObjectNavEnv, SceneBank
-from cfnav_core.evaluate import Episodes
-from cfnav_core.scene import OfflineScene, SceneError
-from cfnav_core.store import HEAD
-from cfnav_core.store_writer import StoreWriter
-from cfnav_core.vocabulary import CATEGORY_ID
+from cfnav_core.learn.env import ObjectNavEnv, SceneBank
+from cfnav_core.learn.evaluate import Episodes
+from cfnav_core.scenes.scene import OfflineScene, SceneError
+from cfnav_core.scenes.store import HEAD
+from cfnav_core.scenes.store_writer import StoreWriter
+from cfnav_core.task.vocabulary import CATEGORY_ID
 from tests.core.worlds import hall
 
 DRAWS = 20_000

@@ -11,13 +11,13 @@ import torch
 from PIL import Image
 from torch import nn
 
-from cfnav_core import cli
+from cfnav import cli
+from cfnav_core.files.whole import WriteError
 from cfnav_core.published import ai2thor
 from cfnav_core.published.features import IMAGES, Encoder, add_features
 from cfnav_core.published.keys import Key
-from cfnav_core.scene import SceneError
-from cfnav_core.store import open_store
-from cfnav_core.whole import WriteError
+from cfnav_core.scenes.scene import SceneError
+from cfnav_core.scenes.store import open_store
 from tests.core.disks import AGAIN, full_disk
 
 from .test_ai2thor import Scripted
@@ -52,8 +52,7 @@ def cfnav(monkeypatch, capsys):
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["cfnav", "data", *map(str, arguments)])
         try:
-            cli.main()
-            code = 0
+            code = cli.main()
         except SystemExit as end:
             code = end.code
         return code, *capsys.readouterr()

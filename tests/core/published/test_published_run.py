@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from cfnav_core import cli
+from cfnav import cli
 from cfnav_core.published.start_states import identity, read_episodes
 
 from . import drawn
@@ -23,7 +23,7 @@ def cfnav(monkeypatch):
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["cfnav", *map(str, arguments)])
-        cli.main()
+        assert cli.main() == 0
 
     return run
 

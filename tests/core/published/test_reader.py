@@ -8,12 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from cfnav_core.actions import Action
 from cfnav_core.published.arrays import open_features
 from cfnav_core.published.keys import Key, state_of
-from cfnav_core.published.layouts import LAYOUTS, objects_of, recognise, scene_folders, scenes_root
 from cfnav_core.published.reader import Choice, read_scene
-from cfnav_core.scene import OfflineScene, SceneError
+from cfnav_core.scenes.layouts import LAYOUTS, objects_of, recognise, scene_folders, scenes_root
+from cfnav_core.scenes.scene import OfflineScene, SceneError
+from cfnav_core.task.actions import Action
 
 from . import drawn
 

@@ -12,7 +12,7 @@ import torch
 
 from cfnav_core.published import start_states
 from cfnav_core.published.start_states import StartState, read_episodes, read_pickle
-from cfnav_core.scene import SceneError
+from cfnav_core.scenes.scene import SceneError
 
 
 class ThorAgentState:

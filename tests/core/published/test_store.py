@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cfnav_core.scene import ARRAYS, OfflineScene, SceneError, changed_files
-from cfnav_core.store import HEAD, StoreHead, open_store
-from cfnav_core.store_writer import StoreWriter
+from cfnav_core.scenes.scene import ARRAYS, OfflineScene, SceneError, changed_files
+from cfnav_core.scenes.store import HEAD, StoreHead, open_store
+from cfnav_core.scenes.store_writer import StoreWriter
 
 
 def scene(name: str, positions: int = 2, width: int = 3, features=(4, 2)) -> OfflineScene:
@@ -32,6 +32,7 @@ def scene(name: str, positions: int = 2, width: int = 3, features=(4, 2)) -> Off
         positions=rng.normal(size=(positions, 2)).astype(np.float32),
         instances=rng.integers(5, size=3).astype(np.int16),
         distance=rng.random((positions, 3)).astype(np.float32),
+        fields=("score", "x", "y", "area")[:width],
     )  # fmt: skip
 
 
@@ -213,7 +214,7 @@ import resource, sys
 from dataclasses import replace
 from pathlib import Path
 import numpy as np
-from cfnav_core.store import StoreHead, open_store
+from cfnav_core.scenes.store import StoreHead, open_store
 from tests.core.published.test_store import HERE, StoreWriter, scene
 
 def megabytes():

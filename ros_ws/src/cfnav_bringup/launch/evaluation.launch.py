@@ -1,16 +1,17 @@
 """A drive on a robot with everything recorded, or a recorded drive played back without a robot.
 
-    ros2 launch cfnav_bringup evaluation.launch.py params:=my.yaml mode:=record bag:=drive1
-    ros2 launch cfnav_bringup evaluation.launch.py params:=my.yaml mode:=replay bag:=drive1
+    ros2 launch cfnav_bringup evaluation.launch.py robot:=my.yaml mode:=record bag:=drive1
+    ros2 launch cfnav_bringup evaluation.launch.py robot:=my.yaml mode:=replay bag:=drive1
 
 A replay plays only what sensors said, on this machine only and in a ROS domain of its own: no
 velocity leaves the bag, and no node of a robot hears the past. The LiDAR node judges the recorded
-scans anew, with the parameters given; the play begins when it listens.
+scans anew, with the robot and parameters given; the play begins when it listens.
 """
 
 from pathlib import Path
 
-from cfnav_ros.processes import ENDS_WITH_PARENT, node_command, stay_apart
+from cfnav_ros.process.domains import stay_apart
+from cfnav_ros.process.processes import ENDS_WITH_PARENT, node_command
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
     DeclareLaunchArgument,
@@ -23,7 +24,8 @@ from launch.actions import (
 ARGUMENTS = (
     DeclareLaunchArgument("mode", choices=["record", "replay"]),
     DeclareLaunchArgument("bag", description="folder of the bag: made anew, or played"),
-    DeclareLaunchArgument("params", description="as for robot.launch.py"),
+    DeclareLaunchArgument("robot", description="as for robot.launch.py"),
+    DeclareLaunchArgument("params", default_value="robot.yaml"),
     DeclareLaunchArgument("namespace", default_value=""),
     DeclareLaunchArgument("bundle", default_value=""),
     DeclareLaunchArgument("goal", default_value=""),
@@ -37,16 +39,16 @@ ROBOT = str(Path(__file__).with_name("robot.launch.py"))
 
 def record(given: dict[str, str]) -> list[LaunchDescriptionEntity]:
     """Drive, and record it."""
-    passed = ("params", "namespace", "bundle", "goal", "bag", "rviz")
+    passed = ("robot", "params", "namespace", "bundle", "goal", "bag", "rviz")
     return [IncludeLaunchDescription(ROBOT, launch_arguments=[(n, given[n]) for n in passed])]
 
 
 def replay(given: dict[str, str], live: str) -> list[LaunchDescriptionEntity]:
     """Play what the sensors said to the LiDAR node; ``live`` is the domain of the shell."""
     play = [*node_command("cfnav_ros", "bag_play"), given["bag"], "--wait-for", "scan"]
-    play += ["--rate", given["rate"], "--domain", given["domain"]]
+    play += ["--rate", given["rate"], "--domain", given["domain"], "--robot", given["robot"]]
     play += ["--namespace", given["namespace"]] if given["namespace"] else []
-    arguments = {name: given[name] for name in ("params", "namespace", "rviz")}
+    arguments = {name: given[name] for name in ("robot", "params", "namespace", "rviz")}
     arguments |= {"drive": "false", "bag": "", "use_sim_time": "true"}
     return [
         ExecuteProcess(

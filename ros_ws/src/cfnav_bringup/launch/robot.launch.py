@@ -1,22 +1,31 @@
-"""The LiDAR collision node and the policy node, for a TurtleBot 4 that is up.
+"""The LiDAR collision node and the policy node, for a robot that is up.
 
-    ros2 launch cfnav_bringup robot.launch.py params:=turtlebot4_stock.yaml goal:=Laptop
+    ros2 launch cfnav_bringup robot.launch.py robot:=turtlebot4 goal:=Laptop
 
-The policy node owns the velocity: it is never started again by itself, and when it ends, so does
-everything. The LiDAR node is started again: without it the policy node stands.
+Which nodes there are, and what each is told, says ``cfnav_ros.process.nodes``. The policy node owns
+the velocity: it is never started again by itself, and when it ends, so does everything. The LiDAR
+node is started again: without it the policy node stands.
 """
 
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_path
-from cfnav_ros.processes import ENDS_WITH_PARENT
+from cfnav_ros.process.nodes import NODES, NodeStart, parts
+from cfnav_ros.process.parameter_file import parameter_file
+from cfnav_ros.process.processes import ENDS_WITH_PARENT
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
 
+from cfnav_core.robot.robot import Robot, load_robot
+from cfnav_core.robot.topics import TOPICS
+
 ARGUMENTS = (
+    DeclareLaunchArgument("robot", description="name of a robot that is shipped, or its file"),
     DeclareLaunchArgument(
-        "params", description="parameter file: a path, or a name in this package's config folder"
+        "params",
+        default_value="robot.yaml",
+        description="parameter file: a path, or a name in this package's config folder",
     ),
     DeclareLaunchArgument("namespace", default_value="", description="of the robot, e.g. robot1"),
     DeclareLaunchArgument("bundle", default_value="", description="folder of a bundle"),
@@ -27,26 +36,28 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "drive", default_value="true", choices=["true", "false"], description="with the policy node"
     ),
-    DeclareLaunchArgument(
-        "mast_height", default_value="", description="m; publishes base_link -> mast_camera_link"
-    ),
     DeclareLaunchArgument("bag", default_value="", description="record into this folder"),
     DeclareLaunchArgument("rviz", default_value="false", choices=["true", "false"]),
 )
 
 # tf2's own nodes and RViz use absolute names, which a namespace would not move.
 TF = [("/tf", "tf"), ("/tf_static", "tf_static")]
-SHOWN = ("scan", "odom", "oakd/rgb/preview/image_raw", "policy/markers")
+SHOWN = ("scan", "odom", "image", "markers")
+"""Roles of the topics that the layout of RViz shows."""
 
 
-def parameter_file(given: str) -> str:
-    """Return a parameter file by its path or by its name in the package."""
-    folder = get_package_share_path("cfnav_bringup") / "config"
-    for path in (Path(given), folder / given):
-        if path.is_file():
-            return str(path.resolve())
-    shipped = ", ".join(sorted(path.name for path in folder.glob("*.yaml")))
-    raise RuntimeError(f"params is {given!r}, expected a file or one of {shipped}.")
+def node(part: NodeStart, file: str, common: dict) -> Node:
+    """Make a node of the table, which says what its end means."""
+    ending = NODES[part.executable].ending
+    return Node(
+        package=part.package,
+        executable=part.executable,
+        exec_name=part.executable,
+        parameters=[file, dict(part.parameters)],
+        **({"respawn": True, "respawn_delay": 2.0} if ending == "it comes back" else {}),
+        **({"on_exit": Shutdown()} if ending == "all end" else {}),
+        **common,
+    )
 
 
 def nodes(context: LaunchContext) -> list[Node]:
@@ -58,84 +69,51 @@ def nodes(context: LaunchContext) -> list[Node]:
         "remappings": TF,
         "prefix": ENDS_WITH_PARENT,
     }
-    parameters: list = [parameter_file(given["params"])]
+    file = str(parameter_file(given["params"]))
+    chosen = {
+        "lidar_collision_node": True,
+        "policy_node": given["drive"] == "true",
+        "recorder_node": bool(given["bag"]),
+        "markers_node": given["rviz"] == "true",
+    }
+    told: dict[str, object] = {n: given[n] or None for n in ("robot", "bundle", "goal")}
     if given["use_sim_time"]:
-        parameters.append({"use_sim_time": given["use_sim_time"] == "true"})
-    made = [
-        Node(
-            package="cfnav_ros",
-            executable="lidar_collision_node",
-            exec_name="lidar_collision_node",
-            parameters=parameters,
-            respawn=True,
-            respawn_delay=2.0,
-            **common,
-        )
-    ]
-    if given["drive"] == "true":
-        chosen: dict[str, str | bool] = {n: given[n] for n in ("bundle", "goal") if given[n]}
-        if given["bag"]:
-            chosen["wait_for_recorder"] = True
-        made.append(
-            Node(
-                package="cfnav_ros",
-                executable="policy_node",
-                exec_name="policy_node",
-                parameters=[*parameters, *([chosen] if chosen else [])],
-                on_exit=Shutdown(),
-                **common,
-            )
-        )
+        told["use_sim_time"] = given["use_sim_time"] == "true"
     if given["bag"]:
-        made.insert(
-            0,
-            Node(
-                package="cfnav_ros",
-                executable="recorder_node",
-                exec_name="recorder_node",
-                parameters=[*parameters, {"bag": str(Path(given["bag"]).resolve())}],
-                on_exit=Shutdown(),
-                **common,
-            ),
-        )
-    return made + viewers(given, common)
+        told |= {"bag": Path(given["bag"]).resolve(), "wait_for_recorder": True}
+    started = parts([name for name, there in chosen.items() if there], told)
+    robot = load_robot(given["robot"])
+    return [*(node(part, file, common) for part in started), *viewers(given, robot, common)]
 
 
-def viewers(given: dict[str, str], common: dict) -> list[Node]:
-    """Make the optional nodes: the mast's transform, RViz and what draws for it."""
+def viewers(given: dict[str, str], robot: Robot, common: dict) -> list[Node]:
+    """Make the nodes that are not ours: the mast's transform where it is real, and RViz."""
     made = []
-    if given["mast_height"]:
-        frames = ["--frame-id", "base_link", "--child-frame-id", "mast_camera_link"]
+    if robot.mast_height and given["use_sim_time"] != "true":
+        frames = ["--frame-id", robot.base_frame, "--child-frame-id", "mast_camera_link"]
         made.append(
             Node(
                 package="tf2_ros",
                 executable="static_transform_publisher",
                 exec_name="static_transform_publisher",
                 name="mast_transform_publisher",
-                arguments=["--z", given["mast_height"], *frames],
+                arguments=["--z", str(robot.mast_height), *frames],
                 **common,
             )
         )
     if given["rviz"] == "true":
         layout = get_package_share_path("cfnav_bringup") / "rviz" / "cfnav.rviz"
-        shown = [*TF, *((f"/{topic}", topic) for topic in SHOWN)]
-        rviz = {**common, "remappings": shown}
-        made += [
-            Node(
-                package="cfnav_ros",
-                executable="markers_node",
-                exec_name="markers_node",
-                parameters=[parameter_file(given["params"])],
-                **common,
-            ),
+        topics = robot.topics
+        shown = [(f"/{TOPICS[role].name}", topics[role].name) for role in SHOWN if role in topics]
+        made.append(
             Node(
                 package="rviz2",
                 executable="rviz2",
                 exec_name="rviz2",
                 arguments=["-d", str(layout)],
-                **rviz,
-            ),
-        ]
+                **{**common, "remappings": [*TF, *shown]},
+            )
+        )
     return made
 
 

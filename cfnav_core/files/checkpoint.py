@@ -1,0 +1,141 @@
+"""Training state to and from disk: safetensors for numbers, no pickle anywhere.
+
+A checksum over all that is read again stands beside it; files that were made before have none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from cfnav_core.files.whole import whole, writing
+
+SCHEMA = 1
+
+
+class CheckpointError(ValueError):
+    """A checkpoint is damaged or of another network; the message says which."""
+
+
+def save_tensors(
+    path: Path, tensors: dict[str, Tensor], head: dict[str, Any], kind: str = "run"
+) -> None:
+    """Write named tensors, a JSON head and their checksum; the file appears only when complete.
+
+    Args:
+        kind: what is saved; ``load_tensors`` asks for it again.
+
+    Raises:
+        WriteError: the disk is full or refuses; what was there before stays whole.
+    """
+    copies = {k: v.detach().clone().contiguous() for k, v in tensors.items()}
+    text = json.dumps({"schema": SCHEMA, "kind": kind, **head})
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole(path) as partial:
+            try:
+                save_file(copies, partial, {"head": text, "sha256": _checksum(copies, text)})
+            except SafetensorError as error:  # its own name for what the system said
+                raise OSError(str(error)) from error
+
+
+def load_tensors(path: Path, kind: str = "run") -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read what ``save_tensors`` wrote.
+
+    Raises:
+        CheckpointError: missing, damaged, of another kind or schema.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            # in memory of their own: in the file they are aligned to 8 bytes only, with which
+            # generators of random numbers crash and sums may round differently
+            tensors = {key: file.get_tensor(key).clone() for key in file.keys()}  # noqa: SIM118
+            said = file.metadata() or {}
+        if said.get("sha256", wanted := _checksum(tensors, said["head"])) != wanted:
+            raise ValueError("its checksum does not fit what it holds")
+        head = json.loads(said["head"])
+        found = head["kind"], head["schema"]
+    except (OSError, SafetensorError, KeyError, ValueError, TypeError) as error:
+        raise CheckpointError(
+            f"found no readable checkpoint at {path} ({error}); name another file, or delete it to "
+            "start again"
+        ) from error
+    if found != (kind, SCHEMA):
+        raise CheckpointError(
+            f"found a checkpoint of kind {found[0]!r} and schema {found[1]} at {path}, expected "
+            f"{kind!r} and {SCHEMA}; name another file, or train again"
+        )
+    return tensors, head
+
+
+def _checksum(tensors: dict[str, Tensor], head: str) -> str:
+    """SHA-256 of a head and of names, kinds, shapes and numbers of tensors, hexadecimal."""
+    sum_ = hashlib.sha256(head.encode())
+    for name, tensor in sorted(tensors.items()):
+        sum_.update(f"\n{name} {tensor.dtype} {list(tensor.shape)}\n".encode())
+        sum_.update(tensor.cpu().flatten().view(torch.uint8).numpy().data)
+    return sum_.hexdigest()
+
+
+def optimizer_tensors(prefix: str, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """The optimizer's state as named tensors."""
+    state = optimizer.state_dict()["state"]
+    return {
+        f"{prefix}.{i}.{key}": torch.as_tensor(v)
+        for i, row in state.items()
+        for key, v in row.items()
+    }
+
+
+def restore_optimizer(
+    prefix: str, optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]
+) -> None:
+    """Put back what ``optimizer_tensors`` took out."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in tensors.items():
+        if name.startswith(prefix + "."):
+            _, index, key = name.rsplit(".", 2)
+            state.setdefault(int(index), {})[key] = value
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+
+
+def save_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, seen: int) -> None:
+    """Checkpoint of a supervised run: weights, optimizer and the number of samples seen."""
+    tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
+    tensors |= optimizer_tensors("optimizer", optimizer)
+    save_tensors(path, tensors, {"seen": seen}, "supervised")
+
+
+def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> int:
+    """Restore ``save_state``; returns the number of samples seen.
+
+    Raises:
+        CheckpointError: damaged, or of another network.
+    """
+    tensors, head = load_tensors(path, "supervised")
+    load_module(path, "net", net, tensors)
+    restore_optimizer("optimizer", optimizer, tensors)
+    return int(head["seen"])
+
+
+def load_module(path: Path, prefix: str, module: nn.Module, tensors: dict[str, Tensor]) -> None:
+    """Load the weights stored under a prefix.
+
+    Raises:
+        CheckpointError: names or shapes differ.
+    """
+    own = {k[len(prefix) + 1 :]: v for k, v in tensors.items() if k.startswith(prefix + ".")}
+    try:
+        module.load_state_dict(own)
+    except RuntimeError as error:
+        raise CheckpointError(
+            f"found a checkpoint of another network at {path}: {error}"
+        ) from error

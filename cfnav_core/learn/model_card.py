@@ -1,0 +1,167 @@
+"""The model card of a bundle, written from what ``bundle.json`` holds: no figure by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from cfnav_core.models.table import MODELS
+from cfnav_core.policy.bundle import BundleHead
+from cfnav_core.task.camera import CameraSetUp
+from cfnav_core.task.intervals import ends_text
+from cfnav_core.task.metrics import paired_text
+
+_TABLE = (
+    "| bundle | SR | SPL | CF-SR | CF-SPL | collisions per episode |",
+    "|---|---|---|---|---|---|",
+)
+
+_LISTENING = " The collision probability is also added to its action logits, not in the paper."
+
+
+def model_card(head: BundleHead) -> str:
+    """Markdown for ``MODEL_CARD.md``."""
+    t = head.training
+    hp, size = t["config"]["hyperparameters"], t["config"]["size"]
+    name = t["config"]["model"]
+    title = MODELS[name].title if name in MODELS else name
+    lines = [
+        f"# Model card: {head.name}",
+        "",
+        f"An object-goal navigation policy (model `{title}`, method "
+        f"`{head.method}`) for a robot with one RGB camera{_seen_by(head.camera)}. Goals: "
+        + ", ".join(head.goals)
+        + "."
+        + (_LISTENING if t["config"].get("listening") else ""),
+        *_other_goals(head),
+        "",
+        "## How it was made",
+        "",
+        f"Algorithm 1 at commit `{t['commit']}`, seed {t['config']['seed']}: stage one "
+        f"{hp['stage1_episodes']:,} episodes, stage two {hp['stage2_episodes']:,}; the checkpoint "
+        f"with the best CF-SR on the validation rooms was kept (after {t['episodes']:,} episodes, "
+        f"{t['steps']:,} steps). LSTM widths {size['hidden']} (policy) and "
+        f"{t['config']['predictor_hidden']} (collision predictor).",
+        "",
+        f"Training rooms: {', '.join(t['train_rooms'])}. Validation rooms: "
+        f"{', '.join(t['validation_rooms'])}. Perception `{t['perception']}` saw none of these nor "
+        "any test room." + (f" The commands stand in {t['commands']}." if "commands" in t else ""),
+        "",
+        "## What was measured",
+        "",
+        *(_measured(head) if head.metrics else ["Nothing was measured yet."]),
+        "",
+        "## What it is not for",
+        "",
+        "Trained on rendered rooms only, on the view of the camera above: a lower, narrower or "
+        "fixed one shows another world. A real robot needs the LiDAR collision node and its veto; "
+        "nothing here was measured on hardware.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _other_goals(head: BundleHead) -> list[str]:
+    others = [name for name in head.objects if head.zero_shot and name not in head.goals]
+    if not others:
+        return []
+    return [
+        "",
+        f"It also takes goals that it was not trained to find: {', '.join(others)}. Which of them "
+        "it was measured on stands below.",
+    ]
+
+
+def _seen_by(camera: CameraSetUp | None) -> str:
+    """Where the camera was and where it looked, as part of a sentence."""
+    if camera is None:
+        return ""
+    wide, high = camera.fov_deg
+    view = f"{wide:.0f} degrees" if wide == high else f"{wide:.0f} by {high:.0f} degrees"
+    down = [f"{-math.degrees(at):.0f}" for at in camera.horizons[1:]]
+    looks = f"tilts {' and '.join(down)} degrees down" if down else "does not tilt"
+    return f" at {camera.z:g} m, {view}, that {looks}"
+
+
+def _measured(head: BundleHead) -> list[str]:
+    m = head.metrics
+    rows = [_row(head.name, m)]
+    if "against" in m:
+        rows.append(_row(_name(m["against"]), m["against"]))
+    lines = [
+        "### Tensor environment",
+        "",
+        f"Test rooms {_rooms(m['scenes'])}, {m['episodes']} frozen episodes "
+        f"(identity `{m['episodes_identity']}`), argmax, one training seed. Intervals are 95 % "
+        "over rooms, not over seeds.",
+        "",
+        *_TABLE,
+        *rows,
+        "",
+    ]
+    lines += _paired(m)
+    if m.get("long"):
+        lines += [
+            f"Of these, the {m['long']['episodes']} episodes whose best length is 5 actions or "
+            f"more: CF-SR {m['long']['cf_sr']:.3f}, SR {m['long']['sr']:.3f}.",
+            "",
+        ]
+    lines += [f"Command: `{m['command']}`", "", "| goal | CF-SR | episodes |", "|---|---|---|"]
+    by_goal = sorted(m["cf_sr_by_goal"].items(), key=lambda row: -row[1]["cf_sr"])
+    lines += [f"| {g} | {row['cf_sr']:.2f} | {row['episodes']} |" for g, row in by_goal]
+    return lines + (_live(head.name, m["live"]) if "live" in m else [])
+
+
+def _live(name: str, m: dict[str, Any]) -> list[str]:
+    """The trials over the ROS graph: real processes, physics and odometry, LiDAR for p_hat."""
+    rows = [_row(name, m)]
+    if "against" in m:
+        rows.append(_row(_name(m["against"]), m["against"]))
+    veto = "on" if m["veto"] else "off"
+    pace = f"at most {m['speed']:g} times real time" if m["speed"] else "as fast as it goes"
+    if m.get("lock_step"):
+        pace = "in lock-step"
+    lines = [
+        "",
+        "### Live ROS graph",
+        "",
+        f"{m['episodes']} episodes through mock TurtleBot 4, LiDAR collision node and policy node "
+        f"in {len(m['rooms'])} test rooms, p_hat from the LiDAR, its veto {veto}, {pace}, "
+        f"at commit {', '.join(m['commits'])}; starts at least 5 "
+        "actions away. Path lengths in metres.",
+        "",
+        *_TABLE,
+        *rows,
+        "",
+    ]
+    lines += _paired(m)
+    return [*lines, f"Command: `{m['command']}`"]
+
+
+def _paired(m: dict[str, Any]) -> list[str]:
+    if "paired" not in m:
+        return []
+    difference, ends = paired_text(m["paired"]).split(" ", 1)
+    return [f"Paired difference in CF-SR: **{difference}** {ends}.", ""]
+
+
+def _name(m: dict[str, Any]) -> str:
+    return Path(m["bundle"]).name if "bundle" in m else Path(m["checkpoint"]).parent.name
+
+
+def _row(name: str, m: dict[str, Any]) -> str:
+    cf_sr = f"{m['cf_sr']:.3f} {ends_text(m['cf_sr_interval'])}"
+    return (
+        f"| {name} | {m['sr']:.3f} | {m['spl']:.3f} | {cf_sr} | "
+        f"{m['cf_spl']:.3f} | {m['collisions_per_episode']:.2f} |"
+    )
+
+
+def _rooms(names: list[str]) -> str:
+    """``kitchen:20,21`` and so on."""
+    seeds: dict[str, list[str]] = {}
+    for name in names:
+        kind, seed = name.split(":")
+        seeds.setdefault(kind, []).append(seed)
+    return "; ".join(f"{kind} {', '.join(s)}" for kind, s in seeds.items())

@@ -1,0 +1,294 @@
+"""State of one training run: networks, optimizers, checkpoints, validation, log."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from cfnav_core.agent.agent import new_agent
+from cfnav_core.agent.config import TrainOptions
+from cfnav_core.agent.find import find_method
+from cfnav_core.agent.methods import Stage
+from cfnav_core.files.checkpoint import (
+    CheckpointError,
+    load_module,
+    load_tensors,
+    optimizer_tensors,
+    restore_optimizer,
+    save_tensors,
+)
+from cfnav_core.files.provenance import commit
+from cfnav_core.files.whole import whole, writing
+from cfnav_core.knowledge.files import load_knowledge
+from cfnav_core.learn.env import SceneBank
+from cfnav_core.learn.evaluate import Episodes, run_episodes
+from cfnav_core.learn.ranks import Ranks
+from cfnav_core.learn.run_files import CHECKPOINT, STAGE1
+from cfnav_core.learn.run_log import RunLog
+from cfnav_core.models.base import Knowledge
+from cfnav_core.policy.networks import TorchNetworks
+from cfnav_core.scenes.check import not_finite
+from cfnav_core.scenes.select import scene_names
+from cfnav_core.task.metrics import cf_sr, sr
+
+CARRIED = "carried."
+
+
+@dataclass
+class Progress:
+    """Where a run is between two validations.
+
+    Attributes:
+        validated: episodes at its last validation, or where it began.
+        border: stage one has just ended, and what is due then is not done yet.
+        sums: of what ``Execution.round`` said since the last validation, with steps and seconds.
+    """
+
+    validated: int = 0
+    border: bool = False
+    sums: dict[str, float] = field(default_factory=dict)
+
+    def add(self, figures: dict[str, float]) -> None:
+        """Add to the sums."""
+        for key, value in figures.items():
+            self.sums[key] = self.sums.get(key, 0.0) + value
+
+
+class Run:
+    """State of one training run.
+
+    Attributes:
+        episodes, steps: so far, of both stages. best: highest validation CF-SR, -1 before any.
+        progress: where it is between two validations.
+        carried: what ``carried`` took of the run that this one goes on from; None in a new one.
+
+    Raises:
+        SceneError: the scenes cannot be used.
+        CheckpointError: an existing checkpoint belongs to another configuration.
+    """
+
+    def __init__(self, options: TrainOptions) -> None:
+        options.check()
+        rooms = (options.train_rooms, options.validation_rooms)
+        shared = set.intersection(*(set(scene_names(options.scenes, r)) for r in rooms))
+        if shared:
+            raise ValueError(f"found rooms in both training and validation: {sorted(shared)}")
+        config = options.run
+        self.options, self.hp = options, config.hyperparameters
+        self.ranks = Ranks.join()
+        if options.workers and self.ranks.size > 1:
+            raise ValueError(
+                f"found {options.workers} asynchronous workers on {self.ranks.size} processes, "
+                "expected one or the other; leave out --workers or torchrun"
+            )
+        if options.workers and options.device == "cuda":
+            raise ValueError(
+                f"found {options.workers} asynchronous workers on a GPU, expected them on the CPU; "
+                "leave out --workers or --device"
+            )
+        device = self.ranks.device("cpu" if options.workers else options.device)
+        self.method = find_method(config.method)
+        self.bank = SceneBank.load(options.scenes, options.train_rooms, device)
+        self.validation = SceneBank.load(options.scenes, options.validation_rooms, device)
+        self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
+        torch.manual_seed(config.seed)
+        objects, perception = self.bank.objects, self.bank.perception
+        known = options.knowledge and load_knowledge(options.knowledge, objects, perception)
+        self.knowledge = known or Knowledge()
+        self.agent = new_agent(config, self.bank.inputs, self.knowledge, device)
+        self.model, self.predictor = self.agent.model, self.agent.predictor
+        self.optimizer, self.predictor_optimizer = (
+            torch.optim.Adam(own, self.hp.lr, fused=True) for own in self.agent.parameters()
+        )
+        self.episodes, self.steps, self.best = 0, 0, -1.0
+        self.progress = Progress()
+        self.carried: dict[str, torch.Tensor] | None = None
+        self._cpu_s_before = 0.0
+        self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
+        self.options.out.mkdir(parents=True, exist_ok=True)
+        self.log = RunLog(self.options.out)
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor seconds of this process and, up to its checkpoint, of those before it.
+
+        With loading and validations; without a stage one that was given and asynchronous workers.
+        """
+        return self._cpu_s_before + time.process_time()
+
+    @property
+    def total(self) -> int:
+        """E_1 + E_2."""
+        return self.hp.stage1_episodes + self.hp.stage2_episodes
+
+    @property
+    def validation_due(self) -> bool:
+        """One is every so many episodes, and one at the end, so that there is a best checkpoint."""
+        validated, every = self.progress.validated, self.options.validation_every
+        if self.episodes >= self.total and (self.episodes > validated or self.best < 0):
+            return True
+        return self.episodes // every > validated // every
+
+    def resume(self) -> None:
+        """Go on from the run's own checkpoint, else from a given stage one, else from nothing."""
+        own = self.options.out / CHECKPOINT
+        resumed = own.exists()
+        source = own if resumed else self.options.stage1
+        if source:
+            self._load(source, own)
+        if self.ranks.leads:
+            self.log.go_on_from(self.progress.validated if resumed else -1)
+            if self.progress.border:  # the kill may have come before
+                self.keep_stage1()
+
+    def _load(self, source: Path, own: Path) -> None:
+        tensors, head = load_tensors(source)
+        if head["perception"] != self.bank.perception:
+            raise ValueError(
+                f"found {source} trained with perception {head['perception']}, but the scenes have "
+                f"{self.bank.perception}; give scenes of the same perception"
+            )
+        if source == own:
+            self._check_same(tensors, head)
+        else:
+            self._check_stage1(source, head)
+        load_module(source, "model", self.model, tensors)
+        load_module(source, "predictor", self.predictor, tensors)
+        restore_optimizer("optimizer", self.optimizer, tensors)
+        restore_optimizer("predictor_optimizer", self.predictor_optimizer, tensors)
+        self.episodes, self.steps = head["episodes"], head["steps"]
+        if source != own:
+            self.progress.validated = self.episodes
+            return
+        self.best = head["best"]
+        self._cpu_s_before = head.get("cpu_s", 0.0)
+        # what was saved without it, as once everything, was saved right after a validation
+        self.progress = Progress(**head.get("progress", {"validated": self.episodes}))
+        self.progress.border &= self.episodes >= self.hp.stage1_episodes
+        self.carried = {
+            k.removeprefix(CARRIED): v for k, v in tensors.items() if k.startswith(CARRIED)
+        }
+
+    def _check_same(self, tensors: dict[str, torch.Tensor], head: dict[str, Any]) -> None:
+        """A run goes on as what it was; only its hyperparameters, such as its length, may change.
+
+        Raises:
+            CheckpointError: it was another method, model, seed or size, had other rooms, or knew
+                something else.
+        """
+        options = self.options
+        asked = asdict(options.run) | {
+            "train_rooms": list(options.train_rooms),
+            "validation_rooms": list(options.validation_rooms),
+        }
+        found = head | head["config"]
+        for key, value in asked.items():
+            if key != "hyperparameters" and found.get(key) != value:
+                raise CheckpointError(
+                    f"found a run with {key} {found.get(key)!r} in {options.out}, but "
+                    f"{value!r} is asked for; choose another --out or delete it"
+                )
+        known = {f"knowledge.{k}": v for k, v in self.knowledge.arrays().items()}
+        stored = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
+        same = known.keys() == stored.keys()
+        if not same or not all(np.array_equal(known[k], stored[k]) for k in known):
+            raise CheckpointError(
+                f"found a run in {options.out} that knew something else of the objects than "
+                f"{options.knowledge}; give its own --knowledge, or choose another --out"
+            )
+
+    def _check_stage1(self, source: Path, head: dict[str, Any]) -> None:
+        """Stage one may come from a run whose stage one is this run's.
+
+        It may also have trained a predictor that this run does not need, so that methods are
+        compared from the same weights.
+
+        Raises:
+            CheckpointError: it is another stage one.
+        """
+        asked, found = asdict(self.options.run), head["config"]
+        there = find_method(found["method"])
+        same_rule = there.shared_encoder == self.method.shared_encoder and self.method.stage1 in (
+            there.stage1, replace(there.stage1, train_predictor=False)
+        )  # fmt: skip
+        different = [
+            key for key in asked
+            if key not in ("hyperparameters", "method") and asked[key] != found.get(key)
+        ] + ([] if same_rule else ["method"])  # fmt: skip
+        if different:
+            raise CheckpointError(
+                f"found {source} of a run with {different[0]} {found.get(different[0])!r}, whose "
+                f"stage one is not that of {asked[different[0]]!r}; leave out --stage1"
+            )
+        if head["episodes"] < self.hp.stage1_episodes:
+            raise CheckpointError(
+                f"found {source} after {head['episodes']} episodes, expected all "
+                f"{self.hp.stage1_episodes} of stage one; let that run go on first"
+            )
+
+    def save(self, name: str, carried: dict[str, torch.Tensor] | None = None) -> None:
+        """Write weights, optimizers and what the run was, where this process leads.
+
+        Args:
+            name: of the file.
+            carried: what else the run goes on from; with it its progress is kept.
+        """
+        if not self.ranks.leads:
+            return
+        tensors = self.agent.tensors(self.knowledge)
+        tensors |= optimizer_tensors("optimizer", self.optimizer)
+        tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
+        tensors |= {CARRIED + k: v for k, v in (carried or {}).items()}
+        progress = {} if carried is None else {"progress": asdict(self.progress)}
+        goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
+        save_tensors(self.options.out / name, tensors, {
+            "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
+            "best": self.best, "cpu_s": self.cpu_s,
+            "perception": self.bank.perception, "goals": goals,
+            "inputs": asdict(self.bank.inputs),
+            "camera": camera.to_json() if (camera := self.bank.camera) else None,
+            "commit": self.commit, "train_rooms": self.options.train_rooms,
+            "validation_rooms": self.options.validation_rooms, **progress,
+        })  # fmt: skip
+
+    def keep_stage1(self) -> None:
+        """Stage one is what the checkpoint has now: others may go on from it at once.
+
+        It is a copy, so that after a kill the same one is made again.
+        """
+        path = self.options.out / STAGE1
+        with writing(path), whole(path) as partial:
+            shutil.copyfile(self.options.out / CHECKPOINT, partial)
+
+    def validate(self) -> dict[str, float]:
+        """SR and CF-SR on the frozen validation episodes, argmax."""
+        networks = TorchNetworks(self.model, self.predictor, self.stage.feed_prediction)
+        results = run_episodes(networks, self.validation, self.frozen)
+        return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
+
+    def not_finite(self) -> str:
+        """Why a gradient is no number, as a sentence."""
+        for scene in self.bank.scenes:
+            for key in ("features", "detections"):
+                for state in not_finite(getattr(scene, key)):
+                    return (
+                        f"found {key} of state {state} of {scene.name} in {self.options.scenes} "
+                        "that are no numbers; look at the scenes with cfnav data check, and make "
+                        "that one again"
+                    )
+        return (
+            f"found gradients that are no numbers after {self.episodes} episodes, though all that "
+            "is seen are; give a smaller --lr"
+        )
+
+    @property
+    def stage(self) -> Stage:
+        """Alg. 1: stage one while E < E_1, stage two from then on."""
+        first = self.episodes < self.hp.stage1_episodes
+        return self.method.stage1 if first else self.method.stage2

@@ -1,0 +1,148 @@
+"""The perception network in torch, its loss, and its export. Only training needs this file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from cfnav_core.perception.describe import describe
+from cfnav_core.perception.perception import FEATURES, INPUT_SIZE
+from cfnav_core.perception.picture_set import COARSE, HEAT
+from cfnav_core.task.camera import MAST, CameraSetUp
+from cfnav_core.task.detections import SCORES
+from cfnav_core.task.vocabulary import CATEGORIES
+
+MIN_CELL_PIXELS = 3
+"""A cell shows a category when at least this many of its 256 full-size pixels belong to it."""
+
+
+def _block(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class PerceptionNet(nn.Module):
+    """Picture -> category maps at 19x19 and a 256-d feature that encodes depth and free floor.
+
+    Deliberately without a collision output: collisions are the predictor's task, and a trunk that
+    was told about them would hand every method the answer.
+    """
+
+    def __init__(self, objects: int = len(CATEGORIES)) -> None:
+        super().__init__()
+        self.objects = objects
+        self.stem = nn.Sequential(
+            nn.Conv2d(3, 40, 4, 4, 1, bias=False), nn.BatchNorm2d(40), nn.ReLU(inplace=True)
+        )
+        self.middle = nn.Sequential(_block(40, 80, 2), _block(80, 96))
+        self.deep = nn.Sequential(_block(96 + 2, 128, 2), _block(128, 128))
+        self.detail, self.context = nn.Conv2d(96, 2 * objects, 1), nn.Conv2d(128, 2 * objects, 1)
+        self.squeeze = nn.Sequential(
+            nn.Conv2d(128, 24, 1), nn.ReLU(inplace=True), nn.Flatten(),
+            nn.Linear(24 * COARSE * COARSE, FEATURES), nn.ReLU(inplace=True),
+        )  # fmt: skip
+        self.geometry = nn.Linear(FEATURES, 2 * COARSE * COARSE)
+        for maps, prior in ((self.detail, -3.0), (self.context, -2.0)):
+            assert maps.bias is not None
+            nn.init.constant_(maps.bias, prior)
+        grid = torch.linspace(-1, 1, HEAT)
+        where = torch.stack([grid[None].expand(HEAT, HEAT), grid[:, None].expand(HEAT, HEAT)])
+        self.where: Tensor
+        self.register_buffer("where", where[None])
+
+    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Run the network.
+
+        Args:
+            pictures: float32 [N, 3, 150, 150] in 0..1.
+
+        Returns:
+            logits "shown" [N, C, 19, 19], logits "visible here" [N, C, 19, 19],
+            features [N, 256], geometry [N, 2, 10, 10] (log metres; floor logit).
+        """
+        middle = self.middle(self.stem(pictures))
+        deep = self.deep(torch.cat([middle, self.where.expand(middle.shape[0], -1, -1, -1)], 1))
+        context = F.interpolate(self.context(deep), size=(HEAT, HEAT), mode="nearest")
+        maps = self.detail(middle) + context
+        features = self.squeeze(deep)
+        geometry = self.geometry(features).view(-1, 2, COARSE, COARSE)
+        return maps[:, : self.objects], maps[:, self.objects :], features, geometry
+
+
+def perception_loss(
+    output: tuple[Tensor, Tensor, Tensor, Tensor], heat: Tensor, depth: Tensor, floor: Tensor,
+    visible: Tensor,
+) -> dict[str, Tensor]:  # fmt: skip
+    """Terms of the loss; the training sums them.
+
+    Args:
+        output: of ``PerceptionNet``.
+        heat: float32 [N, C, 19, 19], pixels of each category per cell.
+        depth: float32 [N, 10, 10], metres.
+        floor: float32 [N, 10, 10], share 0..1.
+        visible: float32 [N, C].
+    """
+    shown, near, _, geometry = output
+    best = heat.amax((2, 3), keepdim=True)
+    target = (heat / 24).clamp(max=1) * (heat >= MIN_CELL_PIXELS)
+    # the fullest cell of a small object counts, however few its pixels
+    target = torch.maximum(target, ((heat == best) & (best >= MIN_CELL_PIXELS)).float() * 0.9)
+    weight = torch.tensor(3.0)
+    per_cell = heat.shape[1] * HEAT * HEAT / 40
+    here = target * visible[:, :, None, None]
+    log_depth = depth.clamp(0.1, 8).log()
+    return {
+        "shown": per_cell * F.binary_cross_entropy_with_logits(shown, target, pos_weight=weight),
+        "near": per_cell * F.binary_cross_entropy_with_logits(near, here, pos_weight=weight),
+        "visible": 8 * F.binary_cross_entropy_with_logits(near.amax((2, 3)), visible),
+        "depth": 3 * F.smooth_l1_loss(geometry[:, 0], log_depth, beta=0.1),
+        "floor": 1.5 * F.binary_cross_entropy_with_logits(geometry[:, 1], floor),
+    }
+
+
+class ExportedPerception(nn.Module):
+    """The network as it is deployed: uint8 pictures in, features and detections out."""
+
+    def __init__(self, net: PerceptionNet) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
+        """uint8 [N, 150, 150, 3] -> float32 [N, 256], float32 [N, C, 5] (``SCORES``)."""
+        shown, near, features, _ = self.net(pictures.permute(0, 3, 1, 2).float() / 255)
+        p = torch.sigmoid(shown).flatten(2)
+        score, cell = p.max(2)
+        x = (cell % HEAT).float() * (2 / (HEAT - 1)) - 1
+        y = torch.div(cell, HEAT, rounding_mode="floor").float() * (2 / (HEAT - 1)) - 1
+        size = p.sum(2).sqrt() / HEAT
+        visible = torch.sigmoid(near).flatten(2).amax(2)
+        fields = torch.stack([score, x * score, y * score, size, visible], 2)
+        return features, fields.reshape(-1, self.net.objects, 5)
+
+
+def export_perception(
+    net: PerceptionNet, path: Path, objects: tuple[str, ...] = CATEGORIES,
+    camera: CameraSetUp = MAST,
+) -> None:  # fmt: skip
+    """Write ``perception.onnx`` (opset 17) for any number of pictures.
+
+    Args:
+        net: the network.
+        path: where to.
+        objects: what it detects, in the order of its maps.
+        camera: that it learnt from.
+    """
+    net.eval()
+    example = torch.zeros(2, INPUT_SIZE, INPUT_SIZE, 3, dtype=torch.uint8)
+    torch.onnx.export(
+        ExportedPerception(net).eval(), (example,), str(path), dynamo=False, opset_version=17,
+        input_names=["pictures"], output_names=["features", "detections"],
+        dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections")},
+    )  # fmt: skip
+    describe(path, objects, SCORES, camera)

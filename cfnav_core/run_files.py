@@ -1,4 +1,0 @@
-"""Names of the files of a training run's folder. No torch."""
-
-CHECKPOINT, STAGE1, BEST = "checkpoint.safetensors", "stage1.safetensors", "best.safetensors"
-LOG = "log.jsonl"

@@ -1,0 +1,118 @@
+"""A robot and its ROS parameter file -> how its nodes judged and decided. Needs no ROS.
+
+Such as those of cfnav_bringup: node names, also with ``/**``, above ``ros__parameters``. Other
+nodes in the file are of no concern here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from cfnav_core.robot.robot import Robot, load_robot
+from cfnav_core.robot.settings import flat, leaves, settled
+from cfnav_ros.drive.policy_parameters import PolicyParameters
+from cfnav_ros.lidar.mounting import MOUNT
+from cfnav_ros.lidar.scan_watch import LidarParameters
+
+T = TypeVar("T")
+
+EVERY_NODE = "/**"
+BELOW = "ros__parameters"
+
+
+class ParametersError(ValueError):
+    """The file cannot be used; the text is one sentence."""
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """What a robot and a parameter file say of the two nodes.
+
+    Attributes:
+        robot: what it is.
+        policy: of ``policy_node``.
+        lidar: of ``lidar_collision_node``.
+        mount_given: one of them says where the LiDAR sits.
+    """
+
+    robot: Robot
+    policy: PolicyParameters
+    lidar: LidarParameters
+    mount_given: bool
+
+
+def read_parameters(path: Path | None, robot: str = "") -> RobotParameters:
+    """Read a robot and a parameter file.
+
+    Args:
+        path: of the parameter file, None for none.
+        robot: name or file of the robot; that which the parameter file names when empty.
+
+    Raises:
+        ParametersError: a file cannot be read, names neither node, or gives a node a parameter
+            that it does not have or refuses; one sentence.
+    """
+    if path is None:
+        return _settled({}, {}, robot)
+    try:
+        said = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParametersError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+    if not isinstance(said, dict):
+        raise ParametersError(f"{path} holds no ROS parameters, expected names of nodes")
+    try:
+        policy = _given(said, "policy_node", PolicyParameters())
+        lidar = _given(said, "lidar_collision_node", LidarParameters())
+        if policy is None and lidar is None:
+            raise ValueError(
+                "it has no parameters of policy_node or lidar_collision_node; expected those of "
+                "at least one"
+            )
+        return _settled(policy or {}, lidar or {}, robot)
+    except ValueError as error:
+        raise ParametersError(f"{path}: {error}") from None
+
+
+def _settled(policy: dict[str, Any], lidar: dict[str, Any], robot: str) -> RobotParameters:
+    named = {robot} if robot else {str(g["robot"]) for g in (policy, lidar) if "robot" in g}
+    if len(named) > 1:
+        raise ValueError(f"it names two robots ({', '.join(sorted(named))}); expected one")
+    described = load_robot(*named)
+    return RobotParameters(
+        robot=described,
+        policy=settled(PolicyParameters.of(described), policy),
+        lidar=settled(LidarParameters.of(described), lidar),
+        mount_given=bool(named) or any(name in lidar for name in MOUNT),
+    )
+
+
+def _given(said: Mapping[Any, Any], node: str, defaults: object) -> dict[str, Any] | None:
+    """The parameters of a node by dotted name, None when nothing is said of it.
+
+    What holds for every node need not be known by this one.
+    """
+    own = [name for name in said if str(name).rpartition("/")[2] == node]
+    if len(own) > 1:
+        raise ValueError(
+            f"it has parameters of {len(own)} nodes ({', '.join(own)}); expected one of them: give "
+            "a file for each robot"
+        )
+    known = dict(leaves(defaults))
+    shared = flat(_below(said, EVERY_NODE)) if EVERY_NODE in said else ()
+    found = {name: value for name, value in shared if name in known}
+    if own:
+        found |= flat(_below(said, own[0]))
+    return found if own or found else None
+
+
+def _below(said: Mapping[Any, Any], name: str) -> Mapping[Any, Any]:
+    inner = said[name]
+    found = inner.get(BELOW) if isinstance(inner, dict) else None
+    if not isinstance(found, dict):
+        raise ValueError(f"{name} has no {BELOW} below it")
+    return found

@@ -1,0 +1,140 @@
+"""Fields of messages as the pure modules' types, the same for live and for recorded messages.
+
+Pure: a message is anything with the fields of its type, whoever has deserialized it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cfnav_ros.drive.camera_watch import Intrinsics
+from cfnav_ros.drive.inputs import Bumper, StampedEstimate, Tilt
+from cfnav_ros.drive.motion import Odometry
+from cfnav_ros.lidar.estimate import Estimate, Scan, Verdict
+from cfnav_ros.robot.depths import DepthCamera
+
+BUMP = 1
+"""``HazardDetection.BUMP``."""
+
+
+def stamp_to_ns(stamp: Any) -> int:
+    """Nanoseconds of a builtin_interfaces/Time."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def stamp_to_seconds(stamp: Any) -> float:
+    """Seconds of a builtin_interfaces/Time."""
+    return stamp_to_ns(stamp) * 1e-9
+
+
+def scan_from_message(message: Any) -> Scan:
+    """A LaserScan's fields; whether they make sense is judged by ``lidar``."""
+    return Scan(
+        np.asarray(message.ranges, np.float32),
+        message.angle_min,
+        message.angle_max,
+        message.angle_increment,
+        message.range_min,
+        message.range_max,
+        message.header.frame_id,
+        message.scan_time,
+    )
+
+
+def estimate_from_message(message: Any) -> StampedEstimate:
+    """The estimate in a CollisionEstimate.
+
+    Raises:
+        ValueError: a verdict or a probability that does not exist; one sentence.
+    """
+    if not math.isfinite(message.clearance):
+        raise ValueError("The collision estimate's clearance is not finite.")
+    if not 0.0 <= message.probability <= 1.0:
+        raise ValueError(f"The collision probability is {message.probability}, expected 0 to 1.")
+    estimate = Estimate(
+        message.probability,
+        message.clearance,
+        Verdict(message.verdict),
+        message.reason,
+        message.known_fraction,
+    )
+    return StampedEstimate(stamp_to_ns(message.header.stamp), estimate)
+
+
+def yaw_of(q: Any, whose: str) -> float:
+    """Heading of a geometry_msgs/Quaternion, radians counter-clockwise.
+
+    Raises:
+        ValueError: it has not the length 1.
+    """
+    norm = math.hypot(q.x, q.y, q.z, q.w)
+    if not abs(norm - 1.0) < 0.01:
+        raise ValueError(f"{whose} holds a quaternion of length {norm:g}, expected 1.")
+    return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+
+
+def odometry_from_message(message: Any) -> Odometry:
+    """Planar pose and velocity of a nav_msgs/Odometry.
+
+    Raises:
+        ValueError: a value that is not finite, or no unit quaternion; one sentence.
+    """
+    pose, twist = message.pose.pose, message.twist.twist
+    values = (pose.position.x, pose.position.y, twist.linear.x, twist.angular.z)
+    if not all(map(math.isfinite, values)):
+        raise ValueError("Odometry holds a value that is not finite.")
+    yaw = yaw_of(pose.orientation, "Odometry")
+    stamp = stamp_to_seconds(message.header.stamp)
+    return Odometry(stamp, pose.position.x, pose.position.y, yaw, twist.linear.x, twist.angular.z)
+
+
+def tilt_from_message(message: Any, joint: str) -> Tilt | None:
+    """The camera's tilt in a JointState, None when the message speaks of other joints."""
+    if joint not in message.name or len(message.position) != len(message.name):
+        return None
+    angle = float(message.position[message.name.index(joint)])
+    if not math.isfinite(angle):
+        return None
+    return Tilt(stamp_to_seconds(message.header.stamp), angle)
+
+
+def intrinsics_from_message(message: Any) -> Intrinsics:
+    """What a CameraInfo says of the camera."""
+    k = [float(number) for number in message.k]
+    return Intrinsics(k[0], k[4], int(message.width), int(message.height), k[2], k[5])
+
+
+def depth_camera_from_message(message: Any) -> DepthCamera:
+    """The depth camera of a CameraInfo; whether its numbers make sense is judged by ``lidar``."""
+    fx, _, cx, _, fy, cy = (float(value) for value in message.k[:6])
+    return DepthCamera(fx, fy, cx, cy, message.width, message.height, message.header.frame_id)
+
+
+def charge_from_message(message: Any) -> float:
+    """Charge of a battery, 0 to 1; nan where it says nothing that makes sense.
+
+    Some drivers say percent, which sensor_msgs/BatteryState does not mean.
+    """
+    charge = float(message.percentage)
+    if 1.0 < charge <= 100.0:
+        charge /= 100.0
+    return charge if 0.0 <= charge <= 1.0 else math.nan
+
+
+def bump_zones(message: Any) -> tuple[str, ...]:
+    """The bumper's zones that a HazardDetectionVector says are pressed; "" where it names none."""
+    return tuple(hazard.header.frame_id for hazard in message.detections if hazard.type == BUMP)
+
+
+def bump_from_message(message: Any) -> float | None:
+    """When the bumper was pressed, seconds; None when the message speaks of no bump."""
+    return stamp_to_seconds(message.header.stamp) if bump_zones(message) else None
+
+
+def bumper_from_message(message: Any) -> Bumper:
+    """The bumper's state; a detection that does not name its zone may be any."""
+    zones = bump_zones(message)
+    return Bumper(bool(zones), any("front" in zone or not zone for zone in zones))

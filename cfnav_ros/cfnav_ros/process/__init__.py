@@ -1,0 +1,4 @@
+"""Child processes, the nodes that they are, their ROS domain, and the signals that stop them.
+
+May import: cfnav_core.command.
+"""

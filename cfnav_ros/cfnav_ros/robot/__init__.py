@@ -1,0 +1,6 @@
+"""What comes from a robot before anything is driven: stamps, pictures and depths of its messages.
+
+What the robot itself is, is data in `cfnav_core.robot`.
+
+May import: nothing of the project.
+"""

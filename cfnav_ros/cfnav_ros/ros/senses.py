@@ -1,0 +1,273 @@
+"""The robot's topics -> ``SensorInputs``: the newest message of each, and why one does not come."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from cfnav_interfaces.msg import CollisionEstimate
+from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, WheelStatus
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image, JointState
+
+from cfnav_core.policy.policy import Policy
+from cfnav_core.robot.robot import Robot
+from cfnav_ros.drive import fields
+from cfnav_ros.drive.camera_watch import CameraWatch
+from cfnav_ros.drive.diagnostics import STATUSES, Rate
+from cfnav_ros.drive.inputs import CameraFrame, SensorInputs, needed
+from cfnav_ros.drive.picture_watch import PictureWatch
+from cfnav_ros.drive.policy_parameters import PolicyParameters
+from cfnav_ros.drive.preflight import BaseCheck, explain_silence, relatives
+from cfnav_ros.robot.speakers import GUARDED, OneSpeaker
+from cfnav_ros.ros import conversions
+from cfnav_ros.ros.conversions import type_name
+from cfnav_ros.ros.topics import message_type
+
+
+class Senses:
+    """Keeps ``inputs`` up to date."""
+
+    def __init__(
+        self,
+        node: Node,
+        policy: Policy,
+        settings: PolicyParameters,
+        robot: Robot,
+        wake: Callable[[], None],
+    ) -> None:
+        """Listen.
+
+        Args:
+            node: owner of the subscriptions.
+            policy: says which pictures it can use and which camera it learnt from.
+            settings: name of the joint, time of frozen pictures, lock-step.
+            robot: names of the topics that there are.
+            wake: called after every picture and estimate, for which an episode waits, and in
+                lock-step after all that belongs to a moment.
+        """
+        self.inputs = SensorInputs()
+        self._node, self._settings, self._wake = node, settings, wake
+        self.heard: set[str] = set()
+        """Fields of ``SensorInputs`` and ``diagnostics.STATUSES`` of which a message has come."""
+        self._pictures = PictureWatch(policy.check_size, settings.frozen_picture_time)
+        newest = qos_profile_sensor_data
+        only_newest = QoSProfile(depth=1, reliability=newest.reliability)
+        if settings.lock_step:  # nothing may be lost: the simulator waits until all has come
+            newest = only_newest = QoSProfile(depth=10)
+        self._listeners: dict[str, Subscription] = {}
+        """By field of ``SensorInputs``, or by the name that the thing has in ``STATUSES``."""
+        picture = message_type(robot.topics["image"].type)
+        for heard, role, kind, act, qos in (
+            ("frame", "image", picture, self._on_image, only_newest),
+            ("estimate", "estimate", CollisionEstimate, self._on_estimate, 5),
+            ("odometry", "odom", Odometry, self._on_odometry, newest),
+            ("tilt", "joint_states", JointState, self._on_joints, newest),
+        ):
+            if topic := robot.topics.get(role):
+                self._listeners[heard] = node.create_subscription(kind, topic.name, act, qos)
+        for heard, role, kind, act in (
+            ("hazards", "hazards", HazardDetectionVector, self._on_hazards),
+            ("dock status", "dock_status", DockStatus, self._on_dock),
+            ("wheel status", "wheel_status", WheelStatus, self._on_wheels),
+            ("battery", "battery", BatteryState, self._on_battery),
+        ):
+            if topic := robot.topics.get(role):
+                self._listeners[heard] = self._hear_state(kind, topic.name, act, newest)
+        self._drives = False
+        self._guarded = {
+            name: OneSpeaker(listener.topic_name, type_name(listener))
+            for name, listener in self._listeners.items()
+            if name in GUARDED
+        }
+        if scan := robot.topics.get("scan"):
+            self._guarded["scan"] = OneSpeaker(node.resolve_topic_name(scan.name), scan.type)
+        info = robot.topics.get("camera_info")
+        self._camera = CameraWatch(policy.camera, info is not None, settings.other_camera)
+        if info:
+            node.create_subscription(CameraInfo, info.name, self._on_camera, newest)
+        self._rates = {name: Rate() for name in self._listeners if name not in STATUSES}
+
+    def _hear_state(
+        self, kind: type, topic: str, act: Callable[[Any], None], otherwise: QoSProfile
+    ) -> Subscription:
+        """Hear of a state that may be told only when it changes: nothing of it may be lost.
+
+        Where the robot offers that, what it said last comes at once and all else for sure; a robot
+        that does not is heard all the same.
+        """
+        for_sure = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        latched = self._node.create_subscription(kind, topic, act, for_sure)
+
+        def hear(message: Any) -> None:
+            if not latched.get_publisher_count():
+                act(message)
+
+        return self._node.create_subscription(kind, topic, hear, otherwise)
+
+    @property
+    def image_topic(self) -> str:
+        """Resolved name of the pictures' topic."""
+        return self._listeners["frame"].topic_name
+
+    @property
+    def quiet(self) -> set[str]:
+        """Names in ``STATUSES`` of what somebody offers to tell and has not told yet."""
+        offered = {name for name in STATUSES if name in self._listeners} - self.unheard.keys()
+        return offered - self.heard
+
+    @property
+    def unheard(self) -> dict[str, str]:
+        """Resolved topics that nobody tells of, by name in ``STATUSES``.
+
+        A robot that offers one and is silent has had no change to tell.
+        """
+        listeners = {name: self._listeners[name] for name in STATUSES if name in self._listeners}
+        return {
+            name: listener.topic_name
+            for name, listener in listeners.items()
+            if name not in self.heard and not listener.get_publisher_count()
+        }
+
+    def rates(self) -> dict[str, float]:
+        """Messages a second of real time, by field of ``SensorInputs``."""
+        real = time.monotonic()
+        return {name: rate.hz(real) for name, rate in self._rates.items()}
+
+    def restart(self) -> None:
+        """Begin an episode: whoever speaks alone now is who must speak until ``release``."""
+        self._drives = True
+        for one in self._guarded.values():
+            one.forget()
+        self.inputs = replace(self.inputs, rival="")
+
+    def release(self) -> None:
+        """The episode is over: publishers may come and go."""
+        self._drives = False
+
+    def look_for_rivals(self) -> None:
+        """Ask the graph who speaks on each topic that safety hangs on."""
+        found = filter(None, map(self._rival, self._guarded.values()))
+        self.inputs = replace(self.inputs, rival=next(found, ""))
+
+    def _rivaled(self, name: str) -> bool:
+        """Whether another than the known one speaks, or might; told to the episode."""
+        rival = self._rival(self._guarded[name])
+        if rival:
+            self.inputs = replace(self.inputs, rival=rival)
+        return bool(rival)
+
+    def _rival(self, one: OneSpeaker) -> str:
+        if not self._drives:
+            one.forget()
+        infos = self._node.get_publishers_info_by_topic(one.topic)
+        return one.look(conversions.speakers(infos, one.type))
+
+    def notice_base(self, base: BaseCheck) -> None:
+        """Take who listens on cmd_vel, and what the graph says of inputs that never came."""
+        notes, names = {**self.inputs.notes}, list[str]()
+        limits = self._settings.episode
+        for name in needed(limits.lidar, limits.has_tilt):
+            if name in self.heard:
+                continue
+            listener = self._listeners[name]
+            topic, expected = listener.topic_name, type_name(listener)
+            names = names or [found for found, _ in self._node.get_topic_names_and_types()]
+            infos = self._node.get_publishers_info_by_topic(topic)
+            sources = conversions.sources(infos, listener)
+            notes[name] = explain_silence(topic, expected, sources, relatives(topic, names))
+        self.inputs = replace(self.inputs, base=base, notes=notes)
+
+    def _on_image(self, message: Image | CompressedImage) -> None:
+        if not self._take("frame", self._frame, message):
+            return
+        inputs = self.inputs
+        picture = self._pictures.look(inputs.frame, inputs.odometry, inputs.tilt)
+        self.inputs = replace(inputs, picture=picture)
+        self._wake()
+
+    def _frame(self, message: Image | CompressedImage) -> CameraFrame:
+        return self._camera.see(conversions.frame_from_message(message))
+
+    def _on_camera(self, message: CameraInfo) -> None:
+        self.heard.add("camera info")
+        self._camera.tell(fields.intrinsics_from_message(message))
+
+    def _on_estimate(self, message: CollisionEstimate) -> None:
+        self._take("estimate", fields.estimate_from_message, message)
+        self._wake()
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._take("odometry", fields.odometry_from_message, message)
+        if self._settings.lock_step:
+            self._wake()
+
+    def _on_joints(self, message: JointState) -> None:
+        joint = self._settings.tilt_joint
+        otherwise = f"{self._listeners['tilt'].topic_name} gives no position of {joint}"
+        self._take("tilt", fields.tilt_from_message, message, joint, otherwise=otherwise)
+        if self._settings.lock_step:
+            self._wake()
+
+    def _on_hazards(self, message: HazardDetectionVector) -> None:
+        # A stranger may say that the bumper is pressed, but not that it is free; and what the base
+        # says of it meanwhile comes only once.
+        if self._rivaled("hazards") and not fields.bumper_from_message(message).pressed:
+            return
+        self.heard.add("hazards")
+        self._take("bumper", fields.bumper_from_message, message)
+        self._take("bumped_at", fields.bump_from_message, message)
+
+    def _on_dock(self, message: DockStatus) -> None:
+        self.heard.add("dock status")
+        self.inputs = replace(self.inputs, docked=message.is_docked)
+
+    def _on_wheels(self, message: WheelStatus) -> None:
+        self.heard.add("wheel status")
+        self.inputs = replace(self.inputs, powered=message.wheels_enabled)
+
+    def _on_battery(self, message: BatteryState) -> None:
+        self.heard.add("battery")
+        self.inputs = replace(self.inputs, battery=fields.charge_from_message(message))
+
+    def _take(
+        self, name: str, convert: Callable[..., Any], *message: Any, otherwise: str = ""
+    ) -> bool:
+        """Keep a message; one that makes no sense is left out, so that its input grows old.
+
+        A message that may be another publisher's than the known one is not even looked at.
+
+        Args:
+            name: field of ``SensorInputs``.
+            convert: gives the field's value, or None when the message speaks of something else.
+            message: what it is given.
+            otherwise: note for a message that speaks of something else.
+
+        Returns:
+            Whether it was kept.
+        """
+        if name in self._guarded and self._rivaled(name):
+            return False
+        self.heard.add(name)
+        if name in self._rates:
+            self._rates[name].note(time.monotonic())
+        notes = {key: note for key, note in self.inputs.notes.items() if key != name}
+        try:
+            value = convert(*message)
+        except ValueError as error:
+            self._node.get_logger().warning(str(error), throttle_duration_sec=2.0)
+            self.inputs = replace(self.inputs, notes={**notes, name: str(error).rstrip(".")})
+            return False
+        if value is None:
+            notes = {**notes, name: otherwise} if otherwise else notes
+            self.inputs = replace(self.inputs, notes=notes)
+        else:
+            now = self._node.get_clock().now().nanoseconds * 1e-9
+            arrived = {**self.inputs.arrived, name: now}
+            self.inputs = replace(self.inputs, **{name: value}, arrived=arrived, notes=notes)
+        return value is not None

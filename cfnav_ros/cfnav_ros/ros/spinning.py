@@ -1,0 +1,65 @@
+"""How a node is served in a thread of its own, and how one leaves its domain."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from rclpy.action import ActionClient
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+
+class SpinningThread(threading.Thread):
+    """Serves a node from ``start`` until ``end``, or until its context is shut down.
+
+    rclpy's ``Executor.shutdown`` takes away what a thread that spins is about to use, so it comes
+    after the thread's last turn.
+    """
+
+    def __init__(self, node: Node, failed: Callable[[Exception], None] | None = None) -> None:
+        """Take the node.
+
+        Args:
+            node: its name becomes the thread's.
+            failed: told of what a callback raised, which ends the thread; raised in it when absent.
+        """
+        super().__init__(name=node.get_name())
+        self._failed = failed
+        self._ending = False
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+
+    def run(self) -> None:
+        """Serve; ``start`` calls it."""
+        try:
+            while not self._ending and self._executor.context.ok():
+                self._executor.spin_once()
+        except ExternalShutdownException:
+            return
+        except Exception as error:
+            if self._failed is None:
+                raise
+            self._failed(error)
+
+    def end(self) -> None:
+        """Serve no more; returns when the callback under way has ended."""
+        self._ending = True
+        # Its turn ends when something was done; to be woken is not enough for a node at rest.
+        self._executor.create_task(lambda: None)
+        if self.is_alive():
+            self.join()
+        self._executor.shutdown()
+
+
+def leave(node: Node) -> None:
+    """Destroy a node so that nobody in its domain sees it any longer, and shut its context down.
+
+    ``Node.destroy_node`` forgets action clients, and one of them keeps the node in its domain
+    until Python's collector finds it.
+    """
+    for waitable in list(node.waitables):
+        if isinstance(waitable, ActionClient):
+            waitable.destroy()
+    node.destroy_node()
+    node.context.try_shutdown()

@@ -1,0 +1,37 @@
+"""Rows of the table of topics as rclpy takes them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from cfnav_core.robot.topics import Topic
+
+
+def message_type(name: str) -> Any:
+    """The class of messages of a type such as sensor_msgs/msg/Image.
+
+    Raises:
+        ImportError, AttributeError: this machine does not have it.
+    """
+    package, _, kind = name.partition("/msg/")
+    return getattr(import_module(f"{package}.msg"), kind)
+
+
+def quality(topic: Topic, depth: int = 0) -> QoSProfile:
+    """The quality of service of a topic; with another depth than its own unless that is 0."""
+    reliability, durability = ReliabilityPolicy, DurabilityPolicy
+    return QoSProfile(
+        depth=depth or topic.depth,
+        reliability=reliability.RELIABLE if topic.reliable else reliability.BEST_EFFORT,
+        durability=durability.TRANSIENT_LOCAL if topic.latched else durability.VOLATILE,
+    )
+
+
+def publisher(node: Node, topic: Topic) -> Publisher:
+    """Offer a topic."""
+    return node.create_publisher(message_type(topic.type), topic.name, quality(topic))

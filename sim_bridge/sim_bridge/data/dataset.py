@@ -1,0 +1,334 @@
+"""Render rooms: ``cfnav rooms make --out DIR``.
+
+Without ``--rooms`` these are the 120 rooms of the splits (see ``cfnav_core.task.rooms``). Without
+``--views`` every reachable state of each room goes through the bundle's perception and becomes an
+``OfflineScene``. With ``--views N`` N random states become a ``PictureSet`` for training
+perception. Rooms already in DIR are kept, so an interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from cfnav_core.command import need, run_options
+from cfnav_core.files.whole import whole, writing
+from cfnav_core.perception.perception import BUILT_IN, OnnxPerception, Percept
+from cfnav_core.perception.picture_set import COARSE, FIELDS, HEAT, PictureSet
+from cfnav_core.policy.bundle import shipped_perception
+from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
+from cfnav_core.task.camera import CameraSetUp
+from cfnav_core.task.rooms import parse_rooms, room_folder
+from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.room.room import ROOMS_VERSION, Room, generate_room
+from sim_bridge.world.visual_shift import shifted
+
+if TYPE_CHECKING:
+    from sim_bridge.world.grid import StateGrid
+    from sim_bridge.world.world import World
+
+BATCH = 64
+MIN_GOAL_STATES = 4
+"""A goal seen from fewer states of a room is not asked for there."""
+
+
+@dataclass(frozen=True)
+class RoomOptions:
+    """Render rooms into offline scenes or labelled pictures."""
+
+    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
+    """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed; the 120
+    rooms of all splits when absent."""
+    out: Path = Path("out/scenes")
+    """Folder that gets one sub-folder for each room."""
+    perception: Path | None = None
+    """perception.onnx; the shipped bundle's when absent."""
+    keep_pictures: bool = False
+    """Keep every picture (68 kB a state), to make features again when perception changes."""
+    camera: str = "mast"
+    """Whose view: mast, preview (a TurtleBot 4 as sold), or a JSON file like a scene's camera."""
+    visual_shift: float = 0.0
+    """Another light and lens than in training, 0 to 1 (sim_bridge.world.visual_shift); keep such
+    rooms in a folder of their own."""
+    views: int = 0
+    """Random views a room instead of every state, for training perception."""
+    processes: int = 2
+    """Rooms rendered at the same time."""
+
+    def run_command(self) -> None:
+        """Render."""
+        run(self)
+
+
+def room_source(visual_shift: float = 0.0) -> str:
+    """What rooms and pictures are made by: the version of the rooms, and another light and lens."""
+    return f"rooms {ROOMS_VERSION}" + (f" shifted by {visual_shift}" if visual_shift else "")
+
+
+@dataclass(frozen=True)
+class Look:
+    """How rooms are looked at.
+
+    Attributes:
+        camera: whose view.
+        perception: the network's file.
+        visual_shift: see ``RoomOptions``. keep_pictures: see ``RoomOptions``.
+    """
+
+    camera: CameraSetUp
+    perception: Path
+    visual_shift: float = 0.0
+    keep_pictures: bool = False
+
+
+def render_scene(kind: str, seed: int, out: Path, look: Look) -> int:
+    """Make the scene of a room; returns its number of states.
+
+    Pictures kept from an earlier run of the same version are not rendered again.
+    """
+    folder, perception = room_folder(out, kind, seed), OnnxPerception(look.perception)
+    old = _kept(folder, look)
+    if old is None:
+        scene, pictures = _render(kind, seed, look, perception.gives)
+        if look.keep_pictures:
+            _keep(folder, pictures)
+    else:
+        scene, pictures = old, np.load(folder / PICTURES, mmap_mode="r")
+    rows = [perception(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
+    replace(
+        scene, perception=perception.identity, fields=perception.gives.fields,
+        features=np.concatenate([r.features for r in rows]),
+        detections=np.concatenate([r.detections for r in rows]),
+    ).save(folder)  # fmt: skip
+    return len(pictures)
+
+
+def _keep(folder: Path, pictures: np.ndarray) -> None:
+    path = folder / PICTURES
+    with writing(path):
+        folder.mkdir(parents=True, exist_ok=True)
+        with whole(path) as partial, partial.open("wb") as file:
+            np.save(file, pictures)
+
+
+def _kept(folder: Path, look: Look) -> OfflineScene | None:
+    """The scene whose pictures can be used again."""
+    scene = _whole(folder)
+    made_with = room_source(look.visual_shift), look.camera
+    same = scene and (scene.source, scene.camera) == made_with and (folder / PICTURES).exists()
+    return scene if same else None
+
+
+def _whole(folder: Path) -> OfflineScene | None:
+    """The scene of a folder; None when it is missing or damaged, so that it is made again."""
+    try:
+        changed = changed_files(folder, read_head(folder)["sha256"])
+        return None if changed else OfflineScene.load(folder)
+    except SceneError:
+        return None
+
+
+def _render(kind: str, seed: int, look: Look, percept: Percept) -> tuple[OfflineScene, np.ndarray]:
+    """Transitions, visibility and pictures uint8 [S, H, W, 3] of a room, without features."""
+    from sim_bridge.world.camera import Camera
+    from sim_bridge.world.grid import state_grid
+    from sim_bridge.world.world import World
+
+    world = World(generate_room(kind, seed))
+    grid = state_grid(world, look.camera.horizons)
+    states, objects = len(grid.next_state), percept.objects
+    pictures = np.empty((states, *percept.size, 3), np.uint8)
+    visible = np.zeros((states, len(CATEGORIES)), bool)
+    with Camera(world, look.camera) as camera:
+        for state in range(states):
+            pose = grid.pose(state)
+            picture = camera.picture(pose)
+            pictures[state] = percept.preprocess(shifted(picture.rgb, look.visual_shift))
+            visible[state] = camera.visible_categories(
+                pose, picture.pixels(len(world.room.objects))
+            )
+    visible = _of(objects, visible)
+    often = visible.sum(0) >= MIN_GOAL_STATES
+    none = np.empty((states, 0), np.float16)
+    scene = OfflineScene(
+        name=f"{kind}:{seed}", room_type=kind, perception="", camera=look.camera,
+        source=room_source(look.visual_shift), objects=objects,
+        goals=tuple(name for name, enough in zip(objects, often, strict=True) if enough),
+        features=none, detections=none, fields=(),
+        next_state=grid.next_state, collided=grid.collided, visible=visible,
+        position=grid.position, heading=grid.heading, horizon=grid.horizon,
+        positions=grid.positions,
+        **_instances(world.room, grid.positions, objects),
+    )  # fmt: skip
+    return scene, pictures
+
+
+def _of(objects: Sequence[str], visible: np.ndarray) -> np.ndarray:
+    """Columns of named objects, from bool [..., categories]; one that no room has is never seen."""
+    out = np.zeros((*visible.shape[:-1], len(objects)), bool)
+    for column, name in enumerate(objects):
+        if name in CATEGORIES:
+            out[..., column] = visible[..., CATEGORIES.index(name)]
+    return out
+
+
+def sampled_visible(
+    world: World, grid: StateGrid, camera: CameraSetUp, objects: Sequence[str], states: np.ndarray
+) -> np.ndarray:
+    """Which objects are visible in some states of a room: bool [N, C]."""
+    from sim_bridge.world.camera import Camera
+
+    with Camera(world, camera) as look:
+        poses = [grid.pose(int(state)) for state in states]
+        seen = [look.visible_categories(pose, look.owner_pixels(pose)) for pose in poses]
+    return _of(objects, np.stack(seen))
+
+
+def _instances(room: Room, positions: np.ndarray, objects: Sequence[str]) -> dict[str, np.ndarray]:
+    """How many of each object a room has, and how far the nearest is from each position."""
+    instances = np.zeros(len(objects), np.int16)
+    distance = np.full((len(positions), len(objects)), np.inf, np.float32)
+    for thing in room.objects:
+        if thing.name in objects:
+            category = objects.index(thing.name)
+            x0, y0, x1, y1 = thing.footprint
+            away = np.hypot(*(positions - np.array([(x0 + x1) / 2, (y0 + y1) / 2])).T)
+            distance[:, category] = np.minimum(distance[:, category], away)
+            instances[category] += 1
+    return {"instances": instances, "distance": distance}
+
+
+def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int:
+    """Render random states of a room with labels; returns their number."""
+    from sim_bridge.world.camera import Camera
+    from sim_bridge.world.grid import state_grid
+    from sim_bridge.world.world import World
+
+    world = World(generate_room(kind, seed))
+    grid = state_grid(world, look.camera.horizons)
+    objects = world.room.objects
+    category = np.array(
+        [CATEGORIES.index(o.name) if o.name in CATEGORIES else -1 for o in objects] + [-1]
+    )
+    flat = np.array([o.name in ("Floor", "Rug") for o in objects] + [False])
+    rng = np.random.default_rng(seed)
+    states = rng.choice(len(grid.next_state), min(views, len(grid.next_state)), replace=False)
+    rows = []
+    with Camera(world, look.camera) as camera:
+        for state in states:
+            pose = grid.pose(int(state))
+            picture = camera.picture(pose)
+            owner, depth = _labelled(picture.owner), _labelled(picture.depth)
+            rows.append((
+                BUILT_IN.preprocess(shifted(picture.rgb, look.visual_shift)),
+                _heat(category[owner]), _coarse(depth).astype(np.float16),
+                (_coarse(flat[owner]) * 255).astype(np.uint8),
+                camera.visible_categories(pose, picture.pixels(len(objects))),
+            ))  # fmt: skip
+    arrays = dict(zip(FIELDS, map(np.stack, zip(*rows, strict=True)), strict=True))
+    PictureSet(**arrays, objects=CATEGORIES, camera=look.camera).save(room_folder(out, kind, seed))
+    return len(states)
+
+
+LABELLED = 300
+"""Side of the maps that labels are counted in, pixels, whatever the picture's size."""
+
+
+def _labelled(full: np.ndarray) -> np.ndarray:
+    """A map of any size as [300, 300], by its nearest pixels; one of that size as it is."""
+    if full.shape == (LABELLED, LABELLED):
+        return full
+    rows, columns = (
+        ((np.arange(LABELLED) + 0.5) * side / LABELLED).astype(int) for side in full.shape
+    )
+    return full[rows][:, columns]
+
+
+def _coarse(full: np.ndarray) -> np.ndarray:
+    """Mean of a [300, 300] map over 10x10 cells."""
+    return full.reshape(COARSE, 30, COARSE, 30).mean((1, 3))
+
+
+def _heat(category: np.ndarray) -> np.ndarray:
+    """uint8 [19, 19, C] pixels of each category per cell, from int [300, 300] category ids."""
+    padded = np.pad(category, 2, constant_values=-1)
+    cell = np.arange(HEAT * 16) // 16
+    index = (cell[:, None] * HEAT + cell[None]) * (len(CATEGORIES) + 1) + padded + 1
+    counts = np.bincount(index.ravel(), minlength=HEAT * HEAT * (len(CATEGORIES) + 1))
+    return np.minimum(counts.reshape(HEAT, HEAT, -1)[..., 1:], 255).astype(np.uint8)
+
+
+def _finished(folder: Path, options: RoomOptions, look: Look) -> bool:
+    if options.views:
+        return (folder / "set.json").exists()
+    scene = _whole(folder)
+    identity = OnnxPerception(look.perception).identity
+    made_with = (identity, room_source(look.visual_shift), look.camera)
+    return scene is not None and (scene.perception, scene.source, scene.camera) == made_with
+
+
+def run(options: RoomOptions) -> None:
+    """Render every room that is not there yet.
+
+    Raises:
+        ValueError: bad rooms, or a room that cannot be rendered (named in the message).
+    """
+    if options.views and not options.rooms:
+        raise ValueError(
+            "found --views without --rooms; perception must not learn from rooms that test, so "
+            "name others, for example --rooms kitchen:1000-1124"
+        )
+    if not 0 <= options.visual_shift <= 1:
+        raise ValueError(
+            f"found --visual-shift {options.visual_shift}, expected a number from 0 to 1"
+        )
+    rooms = parse_rooms(options.rooms or ["data2"])
+    need("mujoco")
+    from sim_bridge.world import gl  # noqa: F401  (fails here, once, when nothing can draw)
+
+    perception = options.perception or shipped_perception()
+    look = Look(
+        CameraSetUp.read(options.camera), perception, options.visual_shift, options.keep_pictures
+    )
+    percept = BUILT_IN if options.views else OnnxPerception(perception).gives
+    percept.check_size(*look.camera.size[::-1])
+    todo = [r for r in rooms if not _finished(room_folder(options.out, *r), options, look)]
+    with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
+        jobs = {
+            pool.submit(render_views, *room, options.out, options.views, look)
+            if options.views
+            else pool.submit(render_scene, *room, options.out, look): room
+            for room in todo
+        }
+        bar = tqdm(as_completed(jobs), total=len(jobs), unit="room", mininterval=2.0)
+        states = 0
+        try:
+            for job in bar:
+                states += _result(job, jobs[job])
+                bar.set_postfix_str(f"{states} states")
+        except BaseException:
+            # rooms in work are finished and kept, the others not begun
+            pool.shutdown(cancel_futures=True)
+            raise
+    print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
+
+
+def _result(job: Future[int], room: tuple[str, int]) -> int:
+    try:
+        return job.result()
+    except Exception as error:
+        kind, seed = room
+        raise ValueError(f"room {kind}:{seed} could not be rendered: {error}") from error
+
+
+def main() -> int:
+    """Entry point of ``ros2 run sim_bridge dataset``; the exit code is ``ending``'s."""
+    return run_options("dataset", RoomOptions)

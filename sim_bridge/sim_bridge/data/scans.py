@@ -1,0 +1,108 @@
+"""The LiDAR in every state: ``cfnav rooms scan SCENES --rooms data2:test``.
+
+Writes ``scans.npy`` beside each scene that ``cfnav rooms make`` made: float32 [P, 8, 1080],
+metres, as the driver publishes a turn at each position and heading, with the simulator's noise.
+Rooms that this version of the simulator scanned are kept as they are.
+``cfnav data lidar`` makes collision probabilities of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from cfnav_core.files.provenance import made_by, sign
+from cfnav_core.files.whole import whole, writing
+from cfnav_core.scenes.scene import HEADINGS, SCANS, OfflineScene
+from cfnav_core.task.camera import MAST
+from cfnav_core.task.rooms import parse_rooms, room_folder
+from sim_bridge.robot.lidar_turn import standing_turn
+from sim_bridge.robot.noise import Noise, NoiseLevels
+from sim_bridge.room.room import generate_room
+
+SCANS_VERSION = 2
+"""Rises when the same scene is scanned otherwise; a test holds it."""
+
+
+@dataclass(frozen=True)
+class ScanOptions:
+    """Scan every state of rooms that were rendered."""
+
+    scenes: Annotated[Path, tyro.conf.Positional]
+    """Folder of the scenes."""
+    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
+    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; data2:test when absent."""
+    noise: float = 1.0
+    """Scale of the LiDAR's noise."""
+
+    def run_command(self) -> None:
+        """Scan."""
+        run(self)
+
+
+def scans_of(scene: OfflineScene, noise: float) -> str:
+    """What the scans of a scene are made of."""
+    there = hashlib.sha256(scene.next_state.tobytes() + scene.positions.tobytes()).hexdigest()[:16]
+    return f"scans {SCANS_VERSION} of {scene.source}, {there}, noise {noise}"
+
+
+def turns(
+    kind: str, seed: int, scene: OfflineScene, noise: float, most: int | None = None
+) -> np.ndarray:
+    """Turns at every position and heading of a room.
+
+    Args:
+        kind, seed: of the room.
+        scene: of it; its positions are scanned.
+        noise: scale of the simulator's noise, drawn from the room's seed.
+        most: the first so many only.
+
+    Returns:
+        float32 [8 P, 1080], metres, by position and heading; +inf for no return.
+
+    Raises:
+        ValueError: the scene is not of the room as it is made today.
+    """
+    # few need MuJoCo
+    from sim_bridge.world.grid import state_grid
+    from sim_bridge.world.world import World
+
+    world = World(generate_room(kind, seed))
+    horizons = (scene.camera or MAST).horizons
+    grid = state_grid(world, horizons)
+    if not np.array_equal(grid.next_state, scene.next_state):
+        raise ValueError(
+            f"found a scene of {scene.name} made by another version; make it again with "
+            f"cfnav rooms make --rooms {scene.name}"
+        )
+    errors = Noise(NoiseLevels().scaled(noise), seed)
+    level = range(0, scene.num_states, len(horizons))[
+        :most
+    ]  # the LiDAR does not tilt with the camera
+    return np.stack([standing_turn(world, errors, pose=grid.pose(state)) for state in level])
+
+
+def run(options: ScanOptions) -> None:
+    """Scan every room that was not scanned yet.
+
+    Raises:
+        ValueError: bad rooms, or scenes that are not there or made by another version.
+        OSError: a file cannot be written.
+    """
+    for kind, seed in tqdm(parse_rooms(options.rooms or ["data2:test"]), unit="room"):
+        folder = room_folder(options.scenes, kind, seed)
+        path = folder / SCANS
+        scene = OfflineScene.load(folder)
+        source = scans_of(scene, options.noise)
+        if made_by(path) == source:
+            continue
+        made = turns(kind, seed, scene, options.noise)
+        with writing(path), whole(path) as partial, partial.open("wb") as file:
+            np.save(file, made.reshape(-1, HEADINGS, made.shape[1]))
+        sign(path, source)

@@ -1,0 +1,4 @@
+"""A seeded furnished room as a list of parts, without MuJoCo.
+
+May import: cfnav_core.task.
+"""

@@ -1,0 +1,169 @@
+"""Pictures of a ``World``: RGB, depth and which object each pixel shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+
+from cfnav_core.task.camera import MAST, CameraSetUp
+from cfnav_core.task.visibility import visible
+from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.world.world import Pose, World
+
+import mujoco as mj  # isort: skip
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """What the camera sees.
+
+    Attributes:
+        rgb: uint8 [H, W, 3].
+        depth: float32 [H, W], metres along the optical axis.
+        owner: int32 [H, W], index into ``room.objects``, -1 for none.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray
+    owner: np.ndarray
+
+    def pixels(self, objects: int) -> np.ndarray:
+        """int64 [objects]: pixels of every object."""
+        return np.bincount(self.owner.ravel() + 1, minlength=objects + 1)[1:]
+
+
+class Camera:
+    """Renders a world. Create, use and close it in one thread; it owns a GL context.
+
+    Args:
+        world: what to look at; its own physics state is not touched.
+        set_up: where the camera sits and what it shows.
+    """
+
+    def __init__(self, world: World, set_up: CameraSetUp = MAST) -> None:
+        self.set_up = set_up
+        self._world = world
+        self._mount = set_up.x, set_up.z
+        width, height = set_up.size
+        model = world.model
+        self._id = model.camera("rgb").id
+        self._data = mj.MjData(model)
+        mj.mj_forward(model, self._data)
+        self._renderer = mj.Renderer(model, height, width)
+        self._shape = (height, width)
+        self._rectangle = mj.MjrRect(0, 0, width, height)
+        self._option = mj.MjvOption()
+        self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
+        self._option.sitegroup[:] = 0
+        near, far = (getattr(model.vis.map, k) * model.stat.extent for k in ("znear", "zfar"))
+        self._near_far = float(near), float(far)
+        objects = world.room.objects
+        self._category = np.array(
+            [CATEGORIES.index(o.name) if o.name in CATEGORIES else -1 for o in objects]
+        )
+        self._footprint = np.array([o.footprint for o in objects])
+
+    def __enter__(self) -> Camera:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self.close()
+
+    def close(self) -> None:
+        """Free the GL context."""
+        self._renderer.close()
+
+    def rgb(self, pose: Pose | None = None) -> np.ndarray:
+        """The picture at a pose (the robot's own when None): uint8 [H, W, 3]."""
+        self._aim(pose or self._world.pose)
+        rgb = np.empty((*self._shape, 3), np.uint8)
+        self._read(rgb, None)
+        return np.ascontiguousarray(rgb[::-1])
+
+    def depth(self, pose: Pose | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Picture, uint8 [H, W, 3], and depth, float32 [H, W], metres along the axis, at a pose."""
+        self._aim(pose or self._world.pose)
+        return self._draw()
+
+    def picture(self, pose: Pose | None = None) -> Rendering:
+        """Picture, depth and owners at a pose (the robot's own when None)."""
+        self._aim(pose or self._world.pose)
+        rgb, depth = self._draw()
+        return Rendering(rgb, depth, self._owners())
+
+    def owner_pixels(self, pose: Pose | None = None) -> np.ndarray:
+        """int64 [objects]: pixels of every object at a pose."""
+        self._aim(pose or self._world.pose)
+        return np.bincount(self._owners().ravel() + 1, minlength=len(self._category) + 1)[1:]
+
+    def visible_categories(self, pose: Pose, owner_pixels: np.ndarray) -> np.ndarray:
+        """Bool [C]: which categories are visible, given every object's pixels at the pose.
+
+        Source: ``cfnav_core.task.visibility.visible``.
+        """
+        x0, y0, x1, y1 = self._footprint.T
+        dx = np.maximum(np.maximum(x0 - pose.x, pose.x - x1), 0)
+        dy = np.maximum(np.maximum(y0 - pose.y, pose.y - y1), 0)
+        area = self._shape[0] * self._shape[1]
+        seen = visible(owner_pixels, np.hypot(dx, dy), area) & (self._category >= 0)
+        out = np.zeros(len(CATEGORIES), bool)
+        out[self._category[seen]] = True
+        return out
+
+    def goal_visible(self, goal: str, pose: Pose | None = None) -> bool:
+        """Whether a category is visible at a pose (the robot's own when None)."""
+        pose = pose or self._world.pose
+        return bool(self.visible_categories(pose, self.owner_pixels(pose))[CATEGORIES.index(goal)])
+
+    def _aim(self, pose: Pose) -> None:
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        ct, st = math.cos(pose.tilt), math.sin(pose.tilt)
+        forward = np.array([ct * c, ct * s, st])
+        right = np.array([s, -c, 0.0])
+        up = np.cross(right, forward)
+        x, z = self._mount
+        # the model is shared with other cameras of the same world
+        self._world.model.cam_fovy[self._id] = self.set_up.fov_deg[1]
+        self._data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
+        self._data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
+        self._renderer.update_scene(self._data, self._id, self._option)
+        flags = self._renderer.scene.flags
+        flags[mj.mjtRndFlag.mjRND_SHADOW] = flags[mj.mjtRndFlag.mjRND_REFLECTION] = 0
+
+    def _draw(self) -> tuple[np.ndarray, np.ndarray]:
+        rgb = np.empty((*self._shape, 3), np.uint8)
+        depth = np.empty(self._shape, np.float32)
+        self._read(rgb, depth)
+        near, far = self._near_far
+        context = self._renderer._mjr_context
+        if context.readDepthMap == mj.mjtDepthMap.mjDEPTH_ZEROFAR:
+            metres = near * far / np.maximum(near + depth * (far - near), 1e-6)
+        else:
+            metres = near * far / np.maximum(far - depth * (far - near), 1e-6)
+        return np.ascontiguousarray(rgb[::-1]), metres[::-1]
+
+    def _read(self, rgb: np.ndarray, depth: np.ndarray | None) -> None:
+        r = self._renderer
+        r._gl_context.make_current()
+        mj.mjr_render(self._rectangle, r.scene, r._mjr_context)
+        mj.mjr_readPixels(rgb, depth, self._rectangle, r._mjr_context)
+
+    def _owners(self) -> np.ndarray:
+        scene = self._renderer.scene
+        ids = np.empty((*self._shape, 3), np.uint8)
+        segment, colour = mj.mjtRndFlag.mjRND_SEGMENT, mj.mjtRndFlag.mjRND_IDCOLOR
+        scene.flags[segment] = scene.flags[colour] = 1
+        self._read(ids, None)
+        scene.flags[segment] = scene.flags[colour] = 0
+        index = ids[..., 0].astype(np.int32) | (ids[..., 1].astype(np.int32) << 8)
+        table = np.full(scene.ngeom + 2, -1, np.int32)
+        for geom in scene.geoms[: scene.ngeom]:
+            if geom.segid != -1 and geom.objtype == mj.mjtObj.mjOBJ_GEOM:
+                table[geom.segid + 1] = self._world.geom_owner[geom.objid]
+        return table[index[::-1]]

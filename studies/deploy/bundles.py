@@ -1,0 +1,69 @@
+"""Bundles of real networks that answer a list of actions for each goal, whatever they see."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from cfnav_core.models.base import ModelInput, NavModel
+from cfnav_core.policy.bundle import BundleError, BundleHead
+from cfnav_core.task.actions import NUM_ACTIONS, Action
+from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
+from studies.deploy.listed_actions import write_bundle
+
+
+class CountedActions(NavModel):
+    """Logits from a table of steps for each goal; after its end the last action for good.
+
+    Args:
+        lists: actions of each goal.
+    """
+
+    table: Tensor
+
+    def __init__(self, lists: Mapping[str, Sequence[Action]]) -> None:
+        super().__init__()
+        self.length = max(map(len, lists.values()))
+        table = torch.zeros(len(CATEGORIES), self.length, NUM_ACTIONS)
+        for goal, actions in lists.items():
+            for step in range(self.length):
+                table[CATEGORY_ID[goal], step, int(actions[min(step, len(actions) - 1)])] = 6.0
+        self.register_buffer("table", table.flatten(1))
+        self.state_shapes = {"h": (self.length,)}
+
+    def forward(
+        self, seen: ModelInput, state: Mapping[str, Tensor]
+    ) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
+        """One step: a one-hot memory of the step goes on by one."""
+        before = state["h"]
+        now = torch.cat([1 - before.sum(1, keepdim=True), before[:, :-1]], 1)
+        now = torch.cat([now[:, :-1], now[:, -1:] + before[:, -1:]], 1)
+        listed = (seen.goal @ self.table).view(-1, self.length, NUM_ACTIONS)
+        logits = (now.unsqueeze(2) * listed).sum(1)
+        # The exporter leaves out inputs that nothing depends on, and a policy gives them all.
+        rest = seen.detections.sum() + seen.features.sum() + seen.previous_action.sum()
+        logits = logits + 0 * (rest + seen.collision_probability.sum())
+        return logits, logits[:, :1], {"h": now}
+
+
+def make_bundle(folder: Path, lists: Mapping[str, Sequence[Action]]) -> Path:
+    """Write a bundle that answers these actions, one list for each goal; returns its folder.
+
+    It is named by a hash of the actions, so that one which is there already can be used again.
+    """
+    named = {goal: [action.name for action in actions] for goal, actions in lists.items()}
+    name = hashlib.sha256(json.dumps(named, sort_keys=True).encode()).hexdigest()[:12]
+    out = folder / f"listed-{name}"
+    try:
+        BundleHead.load(out)
+    except BundleError:  # missing, cut short, or made for older code
+        shutil.rmtree(out, ignore_errors=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_bundle(out, CountedActions(lists), tuple(lists))
+    return out

@@ -1,0 +1,63 @@
+"""What is written appears only when complete; a full disk is one sentence and changes nothing."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cfnav_core.files.json_file import write_json
+from cfnav_core.files.whole import WriteError
+from cfnav_core.knowledge.files import KnowledgeHead, load_knowledge, save_knowledge
+from cfnav_core.models.base import Knowledge
+from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.published.start_states import StartState, read_episodes, write_episodes
+from cfnav_core.task.vocabulary import CATEGORIES
+from tests.core.disks import AGAIN, full_disk
+
+HEAD = KnowledgeHead(("Mug", "Sofa"), ("kitchen:0",), "test", "none", 0)
+
+
+def figures(path, n):
+    write_json(path, {"numbers": [0] * n})
+
+
+def episodes(path, n):
+    write_episodes(path, [StartState("FloorPlan1", "0.00|0.00|0|0", "Mug")] * n, ())
+
+
+def knowledge(path, n):
+    save_knowledge(path, Knowledge(words=np.ones((2, n), np.float32)), HEAD)
+
+
+def pictures(path, n):
+    PictureSet(
+        np.zeros((n, 150, 150, 3), np.uint8), *(np.zeros((n, 10, 10), np.uint8) for _ in range(3)),
+        np.zeros((n, len(CATEGORIES)), bool),
+    ).save(path)  # fmt: skip
+
+
+READ = {
+    figures: lambda path: len(json.loads(path.read_text())["numbers"]),
+    episodes: lambda path: len(read_episodes(path)),
+    knowledge: lambda path: load_knowledge(path, HEAD.objects, "test").words.shape[1],
+    pictures: lambda path: len(PictureSet.load(path).pictures),
+}
+
+
+@pytest.mark.parametrize("write", READ)
+def test_a_full_disk_keeps_what_was_there(write, tmp_path):
+    path = tmp_path / "new" / "out"
+    with full_disk(100), pytest.raises(WriteError, match=AGAIN):
+        write(path, 20)
+    assert not list((tmp_path / "new").iterdir())
+    write(path, 2)
+    with full_disk(100), pytest.raises(WriteError, match=AGAIN) as said:
+        write(path, 20)
+    assert str(path) in str(said.value)
+    assert [p.name for p in path.parent.iterdir()] == ["out"]
+    assert READ[write](path) == 2
+    write(path, 20)
+    assert READ[write](path) == 20
+    assert [p.name for p in path.parent.iterdir()] == ["out"]

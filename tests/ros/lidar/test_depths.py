@@ -1,0 +1,71 @@
+"""Depth pictures as points: encodings, and what is no depth picture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cfnav_ros.robot.depths import DepthCamera, depth_to_metres, thinning
+
+from tests.ros.depth_scenes import CAMERA, MAST_DOWN, depth_of, picture, table
+
+METRES = np.array([[0.5, 0.0, 1.25], [2.0, 65.0, 0.001]], np.float32)
+
+
+def test_millimetres_and_metres_are_the_same_depth():
+    sent = picture(METRES)
+    assert depth_to_metres(sent) == pytest.approx(METRES)
+    sent.data, sent.is_bigendian = np.rint(METRES * 1000).astype(">u2").tobytes(), 1
+    sent.data = np.frombuffer(sent.data, np.uint8)
+    assert depth_to_metres(sent) == pytest.approx(METRES)
+    padded = np.zeros((2, 16), np.uint8)
+    floats = np.where(METRES > 0, METRES, np.nan).astype("<f4")
+    padded[:, :12] = floats.view(np.uint8)
+    sent.encoding, sent.step, sent.is_bigendian, sent.data = "32FC1", 16, 0, padded.ravel()
+    assert depth_to_metres(sent) == pytest.approx(METRES)
+    assert depth_to_metres(sent, 2) == pytest.approx(METRES[::2, ::2])
+    floats[0, 0], floats[0, 2] = np.inf, -1.0
+    padded[:, :12] = floats.view(np.uint8)
+    assert (depth_to_metres(sent)[0] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"encoding": "rgb8"}, "is encoded as 'rgb8', expected one of 16UC1, mono16, 32FC1"),
+        ({"height": 0}, "is 3x0, expected 1 to"),
+        ({"step": 5}, "in rows of 5, expected 2 rows of 6 or more"),
+        ({"encoding": "32FC1"}, "expected 2 rows of 12 or more"),
+    ],
+)
+def test_what_is_no_depth_picture_is_one_sentence(change, sentence):
+    sent = picture(METRES)
+    vars(sent).update(change)
+    with pytest.raises(ValueError, match="depth picture") as caught:
+        depth_to_metres(sent)
+    assert sentence in str(caught.value)
+
+
+def test_points_lie_where_they_are_seen_and_thinning_moves_none():
+    depth = depth_of([table(0.6)], MAST_DOWN)
+    optical = CAMERA.placed(depth, np.eye(4))
+    row, column, inside = CAMERA.pixels(optical[:, depth > 0].T)
+    assert inside.all()
+    assert (np.stack([row, column]) == np.nonzero(depth)).all()
+    behind = CAMERA.pixels(np.array([[0.0, 0.0, -1.0], [9.0, 0.0, 1.0]]))[2]
+    assert not behind.any()
+    thin = CAMERA.thinned(3)
+    assert thin.placed(depth[::3, ::3], np.eye(4)) == pytest.approx(optical[:, ::3, ::3], abs=1e-5)
+    x, _, height = CAMERA.placed(depth, MAST_DOWN)
+    assert x[np.abs(height - 0.75) < 1e-3].min() == pytest.approx(0.6, abs=0.02)
+    assert height.min() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_wide_pictures_are_thinned_to_at_most_320_columns():
+    assert [thinning(width) for width in (160, 320, 640, 641, 1280)] == [1, 1, 2, 3, 4]
+
+
+def test_numbers_of_no_camera_are_one_sentence():
+    assert CAMERA.fault == ""
+    bad = replace(CAMERA, fx=0.0)
+    assert "focal lengths 0 and 110" in bad.fault
+    assert DepthCamera(np.nan, 1.0, 0.0, 0.0, 1, 1, "").fault

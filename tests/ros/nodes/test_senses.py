@@ -1,0 +1,88 @@
+"""What the policy node hears, and what it asks the graph."""
+
+from array import array
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
+
+from cfnav_ros.drive.inputs import PictureCheck  # noqa: E402
+from cfnav_ros.drive.limits import EpisodeLimits  # noqa: E402
+from cfnav_ros.drive.policy_parameters import PolicyParameters  # noqa: E402
+from cfnav_ros.drive.preflight import BaseCheck  # noqa: E402
+from cfnav_ros.robot.stamps import NEVER  # noqa: E402
+from cfnav_ros.ros.senses import Senses  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
+from sensor_msgs.msg import CameraInfo, Image, JointState  # noqa: E402
+
+from cfnav_core.perception.perception import BUILT_IN  # noqa: E402
+from cfnav_core.robot.robot import Robot, load_robot  # noqa: E402
+from cfnav_core.task.camera import MAST  # noqa: E402
+
+POLICY = SimpleNamespace(camera=MAST, check_size=BUILT_IN.check_size)
+
+
+@pytest.fixture
+def node(ros_domain_id):
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain_id)
+    node = rclpy.create_node("policy_node", context=context)
+    yield node
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.mark.parametrize(("lidar", "tilt"), [(False, False), (True, False), (True, True)])
+def test_the_graph_is_asked_for_what_is_needed_and_has_not_come(node, lidar, tilt):
+    limits = EpisodeLimits(p_hat="lidar" if lidar else "own", veto=lidar, has_tilt=tilt)
+    settings = PolicyParameters(episode=limits)
+    senses = Senses(node, POLICY, settings, Robot(), lambda: None)
+    senses.notice_base(BaseCheck())
+    asked = {"frame", "odometry", *["estimate"] * lidar, *["tilt"] * tilt}
+    assert set(senses.inputs.notes) == asked
+    assert senses.inputs.notes["odometry"] == "nobody publishes /odom"
+
+
+@pytest.mark.parametrize("lock_step", [False, True])
+def test_in_lock_step_odometry_and_joints_wake_too(node, lock_step):
+    woken = Counter()
+    settings = PolicyParameters(lock_step=lock_step)
+    senses = Senses(node, POLICY, settings, Robot(), lambda: woken.update(["wake"]))
+    senses._on_odometry(Odometry())
+    senses._on_joints(JointState(name=["camera_tilt"], position=[0.0]))
+    assert woken["wake"] == 2 * lock_step
+    assert senses.heard == {"odometry", "tilt"}
+
+
+def test_what_the_robot_has_not_is_not_missed(node):
+    base = load_robot("differential")
+    senses = Senses(node, POLICY, PolicyParameters.of(base), base, lambda: None)
+    assert senses.unheard == {}
+    assert senses.image_topic == "/camera/image_raw"
+    mast = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+    assert mast.unheard["hazards"] == "/hazard_detection"
+
+
+def test_pictures_that_are_not_square_are_cut_by_their_camera_info(node):
+    rgb = np.random.default_rng(0).integers(0, 256, (300, 400, 3), np.uint8)
+    picture = Image(height=300, width=400, encoding="rgb8", step=1200)
+    picture.data = array("B", rgb.tobytes())
+    senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+    senses._on_image(picture)
+    assert senses.inputs.stamps["frame"] == NEVER
+    assert senses.inputs.notes["frame"].startswith("A picture of 400x300 waits for its camera_info")
+    # The middle 300 of 400 columns are 90 degrees wide.
+    k = [150.0, 0.0, 199.5, 0.0, 150.0, 149.5, 0.0, 0.0, 1.0]
+    senses._on_camera(CameraInfo(height=300, width=400, k=k))
+    senses._on_image(picture)
+    assert senses.inputs.picture == PictureCheck()
+    assert np.array_equal(senses.inputs.frame.decode(), rgb[:, 50:350])
+    # The same bytes mean something else once another calibration comes.
+    senses._on_camera(CameraInfo(height=300, width=400, k=[2 * f for f in k[:8]] + [1.0]))
+    senses._on_image(picture)
+    assert senses.inputs.picture.fault.startswith("The robot's camera shows a view of 67 x 53")
