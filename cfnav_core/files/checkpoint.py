@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors import SafetensorError
+from safetensors.torch import load, save_file
 from torch import Tensor, nn
 
 from cfnav_core.files.whole import whole, writing
@@ -53,11 +53,14 @@ def load_tensors(path: Path, kind: str = "run") -> tuple[dict[str, Tensor], dict
         CheckpointError: missing, damaged, of another kind or schema.
     """
     try:
-        with safe_open(path, "pt") as file:
-            # in memory of their own: in the file they are aligned to 8 bytes only, with which
-            # generators of random numbers crash and sums may round differently
-            tensors = {key: file.get_tensor(key).clone() for key in file.keys()}  # noqa: SIM118
-            said = file.metadata() or {}
+        # opened once: torch's own reader opens the name a second time, when a run that goes on
+        # may have put its next checkpoint there
+        content = path.read_bytes()
+        # in memory of their own: in the file they are aligned to 8 bytes only, with which
+        # generators of random numbers crash and sums may round differently
+        tensors = {name: tensor.clone() for name, tensor in load(content).items()}
+        header_bytes = int.from_bytes(content[:8], "little")
+        said = json.loads(content[8 : 8 + header_bytes]).get("__metadata__", {})
         if said.get("sha256", wanted := _checksum(tensors, said["head"])) != wanted:
             raise ValueError("its checksum does not fit what it holds")
         head = json.loads(said["head"])

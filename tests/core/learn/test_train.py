@@ -325,6 +325,24 @@ except WriteError as error:
 """
 
 
+def test_a_checkpoint_is_read_whole_while_the_next_one_takes_its_place(tmp_path):
+    path = tmp_path / CHECKPOINT
+    save_tensors(path, {"a": torch.zeros(1)}, {"episodes": 0})
+    ended = threading.Event()
+
+    def write():
+        for episodes in range(1, 400):
+            save_tensors(path, {"a": torch.full((episodes,), 1.0)}, {"episodes": episodes})
+        ended.set()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    while not ended.is_set():
+        tensors, head = load_tensors(path)
+        assert len(tensors["a"]) == max(head["episodes"], 1)
+    writer.join()
+
+
 def test_a_full_disk_leaves_the_checkpoint_that_was_there(tmp_path):
     path = tmp_path / CHECKPOINT
     # the kernel refuses to write files beyond 5000 bytes
