@@ -22,6 +22,7 @@ from cfnav_core.robot.topics import (
     UNSTAMPED,
     Topic,
     camera_info,
+    depth_type,
     picture_type,
 )
 
@@ -166,6 +167,7 @@ def _topics(renamed: Any, tilts: bool) -> dict[str, Topic]:
         raise ValueError(f"topics.{min(missing)} is null, but nothing can be driven without it.")
     lacking |= set() if tilts else {"tilt_command"}
     named = {role: replace(TOPICS[role], name=name) for role, name in renamed.items() if name}
-    if "image" in named:
-        named["image"] = replace(named["image"], type=picture_type(named["image"].name))
+    for role, type_of in (("image", picture_type), ("depth", depth_type)):
+        if role in named:
+            named[role] = replace(named[role], type=type_of(named[role].name))
     return {role: topic for role, topic in (TOPICS | named).items() if role not in lacking}

@@ -14,8 +14,13 @@ UNSTAMPED = "geometry_msgs/msg/Twist"
 RAW = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 
+CLOUD = "sensor_msgs/msg/PointCloud2"
+
 PACKED = "/compressed"
 """How the name of a topic of compressed pictures ends (image_transport)."""
+
+POINTS = "points"
+"""How the name of a topic of a depth camera's points ends (depth_image_proc, realsense2_camera)."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +47,21 @@ class Topic:
 
 
 def camera_info(image: str) -> str:
-    """Where a driver that keeps to image_transport publishes the calibration of its pictures."""
+    """Where a driver that keeps to image_transport publishes the calibration of its pictures.
+
+    That of a depth camera's points is there, too (depth_image_proc).
+    """
     return "".join((*image.removesuffix(PACKED).rpartition("/")[:2], "camera_info"))
 
 
 def picture_type(image: str) -> str:
     """The type of the pictures on a topic: its name tells, as image_transport names topics."""
     return COMPRESSED if image.endswith(PACKED) else RAW
+
+
+def depth_type(depth: str) -> str:
+    """The type of what a depth camera says on a topic: its name tells, as drivers name theirs."""
+    return CLOUD if depth.endswith(POINTS) else RAW
 
 
 def unstamped(cmd_vel: str) -> str:

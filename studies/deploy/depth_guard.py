@@ -26,7 +26,7 @@ from cfnav_ros.lidar.depth_watch import DepthWatch
 from cfnav_ros.lidar.estimate import SweptDisc, estimate_collision
 from cfnav_ros.lidar.frames import FrameTree
 from cfnav_ros.lidar.sweep import NOMINAL
-from cfnav_ros.robot.depths import DepthCamera
+from cfnav_ros.robot.pinhole import Pinhole
 from sim_bridge.data.overhangs import crosses_plane
 from sim_bridge.robot import stereo
 from sim_bridge.robot.lidar_turn import standing_turn
@@ -105,7 +105,7 @@ class Eyes:
         stereo_set_up = stereo.set_up_of(set_up)
         self.camera = Camera(robot.simulator.world, stereo_set_up)
         (wide, high), (fx, fy) = stereo_set_up.size, stereo_set_up.focal_share
-        self._calibration = DepthCamera(
+        self._calibration = Pinhole(
             fx * wide, fy * high, (wide - 1) / 2, (high - 1) / 2, wide, high, OPTICAL
         )
         self._parameters = replace(DepthParameters(), mast_height=1.3 if mast else 0.0)

@@ -7,10 +7,10 @@ from array import array
 from types import SimpleNamespace
 
 import numpy as np
-from cfnav_ros.robot.depths import DepthCamera
+from cfnav_ros.robot.pinhole import Pinhole
 
 FRAME = "depth_optical_frame"
-CAMERA = DepthCamera(110.0, 110.0, 79.5, 49.5, 160, 100, FRAME)
+CAMERA = Pinhole(110.0, 110.0, 79.5, 49.5, 160, 100, FRAME)
 """72 by 49 degrees."""
 
 ROOM = ((-5.0, -5.0, -5.0), (5.0, 5.0, 5.0))
@@ -46,7 +46,7 @@ def quaternion(pose: np.ndarray) -> tuple[float, float, float, float]:
 def depth_of(
     boxes: list[tuple[tuple[float, ...], tuple[float, ...]]],
     pose: np.ndarray,
-    camera: DepthCamera = CAMERA,
+    camera: Pinhole = CAMERA,
 ) -> np.ndarray:
     """Depth [H, W], metres, of boxes (low and high corner in base_link) above a floor at 0."""
     origin, ones = pose[:3, 3], np.ones((camera.height, camera.width), np.float32)
@@ -66,6 +66,29 @@ def picture(depth: np.ndarray, frame: str = FRAME) -> SimpleNamespace:
     return SimpleNamespace(
         height=depth.shape[0], width=depth.shape[1], encoding="16UC1", is_bigendian=0,
         step=2 * depth.shape[1], data=array("B", data.tobytes()),
+        header=SimpleNamespace(frame_id=frame),
+    )  # fmt: skip
+
+
+def cloud(depth: np.ndarray, pose: np.ndarray, frame: str, kind: str = "<f4") -> SimpleNamespace:
+    """The fields of a sensor_msgs/PointCloud2 of a depth picture, in the frame of a pose.
+
+    Points have an intensity before their coordinates, those of a picture come in a single row.
+    """
+    points = CAMERA.placed(np.where(depth > 0, depth, np.nan).astype(np.float32), pose)
+    points = points.reshape(3, -1).T.astype(kind)
+    size = points.itemsize
+    step = 4 + 3 * size
+    data = np.zeros((len(points), step), np.uint8)
+    data[:, 4:] = np.ascontiguousarray(points).view(np.uint8)
+    number = {4: 7, 8: 8}[size]
+    fields = [SimpleNamespace(name="intensity", offset=0, datatype=7, count=1)] + [
+        SimpleNamespace(name=name, offset=4 + k * size, datatype=number, count=1)
+        for k, name in enumerate("xyz")
+    ]
+    return SimpleNamespace(
+        height=1, width=len(points), fields=fields, is_bigendian=int(kind[0] == ">"),
+        point_step=step, row_step=step * len(points), data=array("B", data.tobytes()),
         header=SimpleNamespace(frame_id=frame),
     )  # fmt: skip
 

@@ -9,34 +9,7 @@ import numpy as np
 
 from cfnav_core.task.camera import ASPECT_TOLERANCE, FOV_TOLERANCE_DEG, CameraSetUp
 from cfnav_ros.drive.inputs import CameraFrame
-
-
-@dataclass(frozen=True)
-class Intrinsics:
-    """What ``camera_info`` says of a camera, as a pinhole without distortion.
-
-    Attributes:
-        fx, fy: focal lengths, pixels; 0 when nobody calibrated it.
-        width, height: of its pictures, pixels.
-        cx, cy: where its axis meets the picture, pixels; the middle of the first one is 0.
-    """
-
-    fx: float
-    fy: float
-    width: int
-    height: int
-    cx: float
-    cy: float
-
-    @property
-    def fov_deg(self) -> tuple[float, float] | None:
-        """Horizontal and vertical field of view; None when it says nothing usable."""
-        numbers = self.fx, self.fy, self.cx, self.cy
-        sizes = self.fx, self.fy, self.width, self.height
-        if not all(map(math.isfinite, numbers)) or min(sizes) <= 0:
-            return None
-        wide, high = self.width / self.fx / 2, self.height / self.fy / 2
-        return math.degrees(2 * math.atan(wide)), math.degrees(2 * math.atan(high))
+from cfnav_ros.robot.pinhole import Pinhole
 
 
 @dataclass(frozen=True)
@@ -64,7 +37,7 @@ class Crop:
 WHOLE = Crop()
 
 
-def fitting(learnt: CameraSetUp, found: Intrinsics) -> Crop | None:
+def fitting(learnt: CameraSetUp, found: Pinhole) -> Crop | None:
     """The part of a robot's pictures that a policy's camera would show, None when there is none.
 
     Pictures of one field of view and shape are taken whole, and so are those of a camera that
@@ -94,7 +67,7 @@ def fitting(learnt: CameraSetUp, found: Intrinsics) -> Crop | None:
     )  # fmt: skip
 
 
-def other_camera(learnt: CameraSetUp, found: Intrinsics) -> str:
+def other_camera(learnt: CameraSetUp, found: Pinhole) -> str:
     """One sentence when no part of a robot's pictures is what a policy learnt from, else empty.
 
     Args:
@@ -124,11 +97,11 @@ class CameraWatch:
         """
         self._any_camera = any_camera
         self._learnt = learnt if told else None
-        self._found: Intrinsics | None = None
+        self._found: Pinhole | None = None
         self._crop: Crop | None = WHOLE
         self._fault = ""
 
-    def tell(self, found: Intrinsics) -> None:
+    def tell(self, found: Pinhole) -> None:
         """Take what ``camera_info`` says."""
         if self._learnt is None or found == self._found:
             return

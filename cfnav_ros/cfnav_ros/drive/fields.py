@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cfnav_ros.drive.camera_watch import Intrinsics
 from cfnav_ros.drive.inputs import Bumper, StampedEstimate, Tilt
 from cfnav_ros.drive.motion import Odometry
 from cfnav_ros.lidar.estimate import Estimate, Scan, Verdict
-from cfnav_ros.robot.depths import DepthCamera
+from cfnav_ros.robot.pinhole import Pinhole
 
 BUMP = 1
 """``HazardDetection.BUMP``."""
@@ -101,16 +100,11 @@ def tilt_from_message(message: Any, joint: str) -> Tilt | None:
     return Tilt(stamp_to_seconds(message.header.stamp), angle)
 
 
-def intrinsics_from_message(message: Any) -> Intrinsics:
-    """What a CameraInfo says of the camera."""
-    k = [float(number) for number in message.k]
-    return Intrinsics(k[0], k[4], int(message.width), int(message.height), k[2], k[5])
-
-
-def depth_camera_from_message(message: Any) -> DepthCamera:
-    """The depth camera of a CameraInfo; whether its numbers make sense is judged by ``lidar``."""
-    fx, _, cx, _, fy, cy = (float(value) for value in message.k[:6])
-    return DepthCamera(fx, fy, cx, cy, message.width, message.height, message.header.frame_id)
+def pinhole_from_message(message: Any) -> Pinhole:
+    """What a CameraInfo says of the camera; whether its numbers make sense is judged by others."""
+    fx, _, cx, _, fy, cy = (float(number) for number in message.k[:6])
+    size = int(message.width), int(message.height)
+    return Pinhole(fx, fy, cx, cy, *size, message.header.frame_id)
 
 
 def charge_from_message(message: Any) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfnav_core.robot.settings import setting
-from cfnav_ros.robot.depths import DepthCamera
+from cfnav_ros.robot.pinhole import Pinhole
 
 CELL_M = 0.02
 """Side of a cell; its points count as one at their mean."""
@@ -137,7 +137,7 @@ class DepthMemory:
         """Know of nothing any more."""
         self._cells = np.zeros(0, _CELLS)
 
-    def see(self, depth: np.ndarray, camera: DepthCamera, pose: np.ndarray, place: Place) -> None:
+    def see(self, depth: np.ndarray, camera: Pinhole, pose: np.ndarray, place: Place) -> None:
         """Take one picture.
 
         What it shows again replaces what is kept there, and what it sees through is forgotten; what
@@ -185,7 +185,7 @@ class DepthMemory:
         return young & (place.way - cells["way"] <= p.memory_m)
 
     def _shown(
-        self, depth: np.ndarray, camera: DepthCamera, pose: np.ndarray, place: Place
+        self, depth: np.ndarray, camera: Pinhole, pose: np.ndarray, place: Place
     ) -> np.ndarray:
         """Cells of one picture, in the order of their keys."""
         x, y, height = camera.placed(depth, pose)

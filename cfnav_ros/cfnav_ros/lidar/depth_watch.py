@@ -24,7 +24,8 @@ from cfnav_ros.lidar.depth_memory import DepthMemory, DepthParameters, Place, bo
 from cfnav_ros.lidar.estimate import Estimate, SweptDisc
 from cfnav_ros.lidar.frames import FrameTree
 from cfnav_ros.lidar.sweep import ErrorModel, free_way, seen_probability
-from cfnav_ros.robot.depths import DepthCamera, depth_to_metres, thinning
+from cfnav_ros.robot.depths import cloud_to_metres, depth_to_metres, thinning
+from cfnav_ros.robot.pinhole import Pinhole
 from cfnav_ros.robot.speakers import OneSpeaker, Speaker
 from cfnav_ros.robot.stamps import FUTURE_S
 
@@ -69,7 +70,7 @@ class DepthWatch:
         self._disc, self._errors, self._tree, self._base = disc, errors, tree, base
         self._parts = body(parameters, disc.radius)
         self._memory = DepthMemory(self._parts, parameters)
-        self._camera: DepthCamera | None = None
+        self._camera: Pinhole | None = None
         self._places: deque[Place] = deque(maxlen=HISTORY)
         self._pending: deque[tuple[float, Any]] = deque(maxlen=PENDING)
         self._pose: np.ndarray | None = None
@@ -87,7 +88,7 @@ class DepthWatch:
         if self._rivals and len(speakers) == 1:
             self._speaker.forget()  # it took the place of another; its next pictures are believed
 
-    def calibration(self, camera: DepthCamera) -> None:
+    def calibration(self, camera: Pinhole) -> None:
         """Hear how the camera sees."""
         self._camera = camera
 
@@ -110,7 +111,12 @@ class DepthWatch:
         self._places.append(Place(stamp, x, y, yaw, way))
 
     def picture(self, stamp: float, message: Any) -> None:
-        """Hear a picture: seconds, and the fields of sensor_msgs/Image; it is looked at later."""
+        """Hear a picture or a cloud of points; it is looked at later.
+
+        Args:
+            stamp: seconds.
+            message: with the fields of sensor_msgs/Image or PointCloud2.
+        """
         self._pending.append((stamp, message))
 
     def joined(self, now: float, stamp: float, estimate: Estimate) -> Estimate:
@@ -172,36 +178,54 @@ class DepthWatch:
         age = now - stamp
         if not -FUTURE_S <= age <= self._parameters.stale:
             return f"The newest depth picture is {age:.1f} s old."
-        camera = self._camera
-        if camera is None:
-            return "Nobody says how the depth camera sees: publish its camera_info."
-        if camera.fault:
-            return camera.fault
-        if (message.width, message.height) != (camera.width, camera.height):
-            return (
-                f"The depth picture is {message.width}x{message.height}, but its camera_info says "
-                f"{camera.width}x{camera.height}."
-            )
-        every = thinning(message.width)
         try:
-            depth = depth_to_metres(message, every)
+            depth, camera = self._measured(message)
         except ValueError as error:
             return str(error)
         self._newest = stamp
         self.known = float(np.mean(depth > 0))
         if fault := self._unseeing(stamp, message):
             return fault
-        frame = message.header.frame_id or camera.frame
-        pose = self._tree.pose(self._base, frame)
+        pose = self._tree.pose(self._base, camera.frame)
         if pose is None:
-            return f"TF does not join {self._base} and {frame}: publish where the camera sits."
+            return _apart(self._base, camera.frame)
         before, self._pose = self._pose, pose
         place = self._at(stamp)
         if place is None:
             return "The depth picture is older than all odometry that is kept."
         if before is not None and _rests(before, pose):
-            self._memory.see(depth, camera.thinned(every), pose, place)
+            self._memory.see(depth, camera, pose, place)
         return ""
+
+    def _measured(self, message: Any) -> tuple[np.ndarray, Pinhole]:
+        """Depth [H, W] of a picture or a cloud, metres, and the camera that sees it so.
+
+        Raises:
+            ValueError: it cannot be told; one sentence.
+        """
+        camera = self._camera
+        if camera is None:
+            raise ValueError("Nobody says how the depth camera sees: publish its camera_info.")
+        size = f"{camera.width}x{camera.height}"
+        if camera.fov_deg is None:
+            raise ValueError(
+                f"The depth camera's calibration has focal lengths {camera.fx:g} and {camera.fy:g} "
+                f"for {size} pixels, expected positive numbers: calibrate it."
+            )
+        every = thinning(camera.width)
+        frame = message.header.frame_id or camera.frame
+        if hasattr(message, "point_step"):
+            camera = replace(camera.thinned(every), frame=camera.frame or frame)
+            between = self._tree.pose(camera.frame, frame)
+            if between is None:
+                raise ValueError(_apart(camera.frame, frame))
+            return cloud_to_metres(message, camera, between), camera
+        if (message.width, message.height) != (camera.width, camera.height):
+            raise ValueError(
+                f"The depth picture is {message.width}x{message.height}, but its camera_info says "
+                f"{size}."
+            )
+        return depth_to_metres(message, every), replace(camera.thinned(every), frame=frame)
 
     def _unseeing(self, stamp: float, message: Any) -> str:
         if self.known < LEAST_KNOWN:
@@ -231,6 +255,10 @@ class DepthWatch:
             for a, b in ((before.x, after.x), (before.y, after.y), (before.way, after.way))
         )
         return Place(stamp, x, y, yaw, way)
+
+
+def _apart(base: str, frame: str) -> str:
+    return f"TF does not join {base} and {frame}: publish where the camera sits."
 
 
 def _rests(before: np.ndarray, now: np.ndarray) -> bool:

@@ -1,90 +1,27 @@
-"""Depth pictures of a stereo or time-of-flight camera as points in space. Pure.
+"""Depth pictures and point clouds of a stereo or time-of-flight camera, as metres a pixel. Pure.
 
-Source: REP-118, which says how sensor_msgs/Image holds depth: 16UC1 in mm, 0 for nothing; 32FC1 in
-m, NaN and infinity for nothing.
+Sources: REP-118, which says how sensor_msgs/Image holds depth: 16UC1 in mm, 0 for nothing; 32FC1 in
+m, NaN and infinity for nothing. sensor_msgs/PointCloud2, whose points x, y, z are metres in its
+frame, NaN for nothing.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cfnav_ros.robot.pictures import MAX_PIXELS
+from cfnav_ros.robot.pinhole import Pinhole
 
 ENCODINGS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Type of a pixel and metres in its unit; depthai_bridge and others call millimetres mono16."""
 
+POINT_TYPES = {7: "f4", 8: "f8"}
+"""Numbers that sensor_msgs/PointField gives to the types of a coordinate."""
+
 MOST_COLUMNS = 320
 """Of a wider picture only every so manieth pixel is taken: points need not lie closer."""
-
-
-@dataclass(frozen=True)
-class DepthCamera:
-    """A pinhole camera by its CameraInfo.
-
-    Attributes:
-        fx, fy: focal lengths, pixels.
-        cx, cy: principal point, pixels.
-        width, height: of its pictures, pixels.
-        frame: optical, x right, y down, z along the axis.
-    """
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-    frame: str
-
-    @property
-    def fault(self) -> str:
-        """One sentence when these numbers are no camera's, else empty."""
-        numbers = self.fx, self.fy, self.cx, self.cy
-        if all(map(math.isfinite, numbers)) and min(self.fx, self.fy, self.width, self.height) > 0:
-            return ""
-        return (
-            f"The depth camera's calibration has focal lengths {self.fx:g} and {self.fy:g} for "
-            f"{self.width}x{self.height} pixels, expected positive numbers: calibrate it."
-        )
-
-    def thinned(self, every: int) -> DepthCamera:
-        """The camera whose pictures have only the first of so many rows and columns."""
-        return DepthCamera(
-            self.fx / every, self.fy / every, self.cx / every, self.cy / every,
-            -(-self.width // every), -(-self.height // every), self.frame,
-        )  # fmt: skip
-
-    def placed(self, depth: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """Where each pixel's surface is in another frame.
-
-        Args:
-            depth: float32 [H, W], metres along the axis.
-            pose: float64 [4, 4], of the camera in that frame.
-
-        Returns:
-            float32 [3, H, W], metres.
-        """
-        turn, at = pose[:3, :3].astype(np.float32), pose[:3, 3].astype(np.float32)
-        across = (np.arange(self.width, dtype=np.float32) - np.float32(self.cx)) / self.fx
-        down = (np.arange(self.height, dtype=np.float32) - np.float32(self.cy)) / self.fy
-        placed = np.empty((3, *depth.shape), np.float32)
-        for k in range(3):
-            placed[k] = across * turn[k, 0] + (down * turn[k, 1] + turn[k, 2])[:, None]
-            placed[k] = placed[k] * depth + at[k]
-        return placed
-
-    def pixels(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where points [N, 3], metres, are seen: row and column int [N], and whether they are."""
-        ahead = np.where(points[:, 2] > 0, points[:, 2], np.inf)
-        column = np.rint(self.cx + self.fx * points[:, 0] / ahead)
-        row = np.rint(self.cy + self.fy * points[:, 1] / ahead)
-        inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
-        inside &= points[:, 2] > 0
-        return np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int), inside
 
 
 def thinning(width: int) -> int:
@@ -128,3 +65,48 @@ def depth_to_metres(message: Any, every: int = 1) -> np.ndarray:
     values = np.ascontiguousarray(data[::every, :row]).view(pixel)[:, ::every]
     metres = values.astype(np.float32) * np.float32(unit)
     return np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(0.0))
+
+
+def cloud_to_metres(message: Any, camera: Pinhole, pose: np.ndarray) -> np.ndarray:
+    """The depth picture that a camera would take of a point cloud: in each pixel its nearest point.
+
+    Args:
+        message: with the fields of sensor_msgs/PointCloud2, ordered as a picture or not.
+        camera: of the depth that the cloud was made from.
+        pose: float64 [4, 4], of the cloud's frame in the camera's.
+
+    Returns:
+        float32 [H, W], metres along the optical axis, 0 where no point lies.
+
+    Raises:
+        ValueError: no coordinates, too many points, too little data; one sentence.
+    """
+    height, width, step, row = message.height, message.width, message.point_step, message.row_step
+    at = {field.name: field for field in message.fields if field.name in ("x", "y", "z")}
+    kinds = {POINT_TYPES.get(field.datatype) for field in at.values()}
+    if len(at) < 3 or kinds not in ({"f4"}, {"f8"}):
+        raise ValueError("The depth cloud has no x, y, z of float32 or float64: let it have them.")
+    if height * width > MAX_PIXELS:
+        raise ValueError(
+            f"The depth cloud has {height * width} points, expected at most {MAX_PIXELS}."
+        )
+    (kind,) = kinds
+    coordinate = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    fits = max(field.offset for field in at.values()) + coordinate.itemsize <= step
+    if not fits or row < width * step or len(message.data) < row * height:
+        raise ValueError(
+            f"The depth cloud holds {len(message.data)} bytes in rows of {row} and points of "
+            f"{step}, expected {height} rows of {width} points with x, y and z."
+        )
+    rows = np.asarray(message.data, np.uint8)[: row * height].reshape(height, row)
+    offsets = [at[axis].offset for axis in "xyz"]
+    layout = np.dtype({
+        "names": ["x", "y", "z"], "formats": [coordinate] * 3, "offsets": offsets, "itemsize": step,
+    })  # fmt: skip
+    found = np.ascontiguousarray(rows[:, : width * step]).view(layout).ravel()
+    points = np.stack([found[axis] for axis in "xyz"], axis=1).astype(float)
+    points = points[np.isfinite(points).all(axis=1)] @ pose[:3, :3].T + pose[:3, 3]
+    rows_of, columns_of, inside = camera.pixels(points)
+    depth = np.full((camera.height, camera.width), np.inf, np.float32)
+    np.minimum.at(depth, (rows_of[inside], columns_of[inside]), points[inside, 2])
+    return np.where(np.isfinite(depth), depth, np.float32(0.0))

@@ -8,9 +8,10 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from cfnav_core.robot.robot import Robot
+from cfnav_core.robot.topics import CLOUD
 from cfnav_ros.drive import fields
 from cfnav_ros.lidar.depth_watch import DepthWatch
 from cfnav_ros.lidar.estimate import Estimate
@@ -41,8 +42,9 @@ class DepthListener:
         """Whether a picture has ever come."""
         self._told: str | None = None
         depth, info = (robot.topics.get(role) for role in ("depth", "depth_info"))
+        kind = PointCloud2 if depth and depth.type == CLOUD else Image
         self._pictures = depth and node.create_subscription(
-            Image, depth.name, self._on_picture, qos_profile_sensor_data
+            kind, depth.name, self._on_picture, qos_profile_sensor_data
         )
         if depth and info:
             node.create_subscription(
@@ -92,7 +94,7 @@ class DepthListener:
         else:
             logger.info(f"The LiDAR guards alone: {fault}")
 
-    def _on_picture(self, message: Image) -> None:
+    def _on_picture(self, message: Image | PointCloud2) -> None:
         if not self.arrives:
             self.arrives = True
             self._node.create_subscription(
@@ -102,7 +104,7 @@ class DepthListener:
         self._watch.picture(fields.stamp_to_seconds(message.header.stamp), message)
 
     def _on_calibration(self, message: CameraInfo) -> None:
-        self._watch.calibration(fields.depth_camera_from_message(message))
+        self._watch.calibration(fields.pinhole_from_message(message))
 
     def _on_odometry(self, message: Odometry) -> None:
         try:

@@ -196,7 +196,7 @@ class Senses:
 
     def _on_camera(self, message: CameraInfo) -> None:
         self.heard.add("camera info")
-        self._camera.tell(fields.intrinsics_from_message(message))
+        self._camera.tell(fields.pinhole_from_message(message))
 
     def _on_estimate(self, message: CollisionEstimate) -> None:
         self._take("estimate", fields.estimate_from_message, message)

@@ -18,8 +18,8 @@ from cfnav_ros.bags.judge.clocks import Clocks
 from cfnav_ros.bags.replay.estimates import Estimates
 from cfnav_ros.bags.replay.replay import Replay
 from cfnav_ros.bags.replay.step import PROBABILITY_TOLERANCE, labelled, reproduction
-from cfnav_ros.drive.camera_watch import Intrinsics
 from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.robot.pinhole import Pinhole
 
 from cfnav_core.policy.policy import Policy
 from cfnav_core.task.actions import Action
@@ -260,7 +260,7 @@ def test_wide_pictures_are_cut_by_their_camera_info_as_they_were_live(recorded, 
         return dataclasses.replace(event, data=picture, decode=lambda: picture)
 
     events = [widened(event) for event in recorded[0]]
-    lens = Intrinsics(75.0, 75.0, 200, 150, 99.5, 74.5)
+    lens = Pinhole(75.0, 75.0, 99.5, 74.5, 200, 150)
     told = Calibrated(t_ns=events[0].t_ns, log_ns=events[0].log_ns, found=lens)
     run, whole = replay([told, *events], policy), replay(recorded[0], policy)
     assert run.left_out == []

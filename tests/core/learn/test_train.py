@@ -1,6 +1,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -9,6 +10,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+import torch
 from safetensors.numpy import save_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -325,22 +327,33 @@ except WriteError as error:
 """
 
 
+REPLACE = """
+import os, sys
+path, *others = sys.argv[1:]
+while True:
+    for other in others:
+        os.link(other, path + ".next")
+        os.replace(path + ".next", path)
+"""
+
+
 def test_a_checkpoint_is_read_whole_while_the_next_one_takes_its_place(tmp_path):
-    path = tmp_path / CHECKPOINT
-    save_tensors(path, {"a": torch.zeros(1)}, {"episodes": 0})
-    ended = threading.Event()
-
-    def write():
-        for episodes in range(1, 400):
-            save_tensors(path, {"a": torch.full((episodes,), 1.0)}, {"episodes": episodes})
-        ended.set()
-
-    writer = threading.Thread(target=write)
-    writer.start()
-    while not ended.is_set():
-        tensors, head = load_tensors(path)
-        assert len(tensors["a"]) == max(head["episodes"], 1)
-    writer.join()
+    path, others = tmp_path / CHECKPOINT, [tmp_path / "short", tmp_path / "long"]
+    for length, other in enumerate(others, start=1):
+        save_tensors(other, {"a": torch.ones(length)}, {"episodes": length})
+    shutil.copy(others[0], path)
+    replacing = subprocess.Popen([sys.executable, "-c", REPLACE, path, *others])
+    try:
+        found = set()
+        while len(found) < 2:
+            assert replacing.poll() is None
+            for _ in range(1000):
+                tensors, head = load_tensors(path)
+                assert len(tensors["a"]) == head["episodes"]
+                found.add(head["episodes"])
+    finally:
+        replacing.kill()
+        replacing.wait()
 
 
 def test_a_full_disk_leaves_the_checkpoint_that_was_there(tmp_path):

@@ -6,17 +6,18 @@ import math
 
 import numpy as np
 import pytest
-from cfnav_ros.drive.camera_watch import WHOLE, CameraWatch, Intrinsics, fitting, other_camera
+from cfnav_ros.drive.camera_watch import WHOLE, CameraWatch, fitting, other_camera
 from cfnav_ros.drive.inputs import CameraFrame
+from cfnav_ros.robot.pinhole import Pinhole
 
 from cfnav_core.task.camera import CAMERAS, MAST
 
 
-def camera(wide: float, width: int, height: int, cx: float = math.nan) -> Intrinsics:
+def camera(wide: float, width: int, height: int, cx: float = math.nan) -> Pinhole:
     """A camera with square pixels and a horizontal field of view, degrees."""
     focal = width / 2 / math.tan(math.radians(wide / 2))
     middle = (width - 1) / 2, (height - 1) / 2
-    return Intrinsics(focal, focal, width, height, cx if cx == cx else middle[0], middle[1])
+    return Pinhole(focal, focal, cx if cx == cx else middle[0], middle[1], width, height)
 
 
 def frame(height: int, width: int) -> CameraFrame:
@@ -26,7 +27,7 @@ def frame(height: int, width: int) -> CameraFrame:
     return CameraFrame(1, lambda every=1: rgb[::every, ::every], height, width, b"it")
 
 
-def watch(found: Intrinsics) -> CameraWatch:
+def watch(found: Pinhole) -> CameraWatch:
     watch = CameraWatch(MAST, told=True)
     watch.tell(found)
     return watch
@@ -38,7 +39,7 @@ FOUR_THIRDS = camera(2 * math.degrees(math.atan(4 / 3)), 400, 300)
 
 
 def test_the_view_follows_from_focal_length_and_size() -> None:
-    assert Intrinsics(150.0, 150.0, 300, 300, 149.5, 149.5).fov_deg == pytest.approx((90.0, 90.0))
+    assert Pinhole(150.0, 150.0, 149.5, 149.5, 300, 300).fov_deg == pytest.approx((90.0, 90.0))
     assert PREVIEW.fov_deg == pytest.approx((40.0, 40.0), abs=0.1)
 
 
@@ -46,7 +47,7 @@ def test_the_view_follows_from_focal_length_and_size() -> None:
     ("focal", "cx"), [(0.0, 0.0), (-1.0, 0.0), (math.nan, 0.0), (100.0, math.nan)]
 )
 def test_a_camera_that_nobody_calibrated_says_nothing(focal: float, cx: float) -> None:
-    found = Intrinsics(focal, focal, 250, 250, cx, 0.0)
+    found = Pinhole(focal, focal, cx, 0.0, 250, 250)
     assert found.fov_deg is None
     assert (fitting(MAST, found), other_camera(MAST, found)) == (WHOLE, "")
 
@@ -55,7 +56,7 @@ def test_a_camera_that_nobody_calibrated_says_nothing(focal: float, cx: float) -
     "found",
     [PREVIEW, camera(66.0, 1280, 720), camera(71.6, 320, 240), camera(120.0, 1280, 720, cx=100.0)],
 )
-def test_a_view_that_is_too_narrow_is_refused_by_the_names_of_both(found: Intrinsics) -> None:
+def test_a_view_that_is_too_narrow_is_refused_by_the_names_of_both(found: Pinhole) -> None:
     said = other_camera(MAST, found)
     assert f"degrees in {found.width} x {found.height} pixels" in said
     assert "90 x 90 degrees, 300 x 300 pixels, 1.3 m up, tilts to 0 and -30 degrees" in said

@@ -18,6 +18,7 @@ from tests.ros.depth_scenes import (
     FRAME,
     MAST_DOWN,
     STOCK,
+    cloud,
     depth_of,
     picture,
     quaternion,
@@ -94,6 +95,18 @@ def test_a_table_top_is_in_the_mast_s_way_when_it_is_within_the_step(way, blocke
     assert estimate.clearance == pytest.approx(way - 0.01, abs=0.02)
     assert (estimate.probability > 0.5) is blocked
     assert FREE.probability <= estimate.probability
+
+
+def test_a_cloud_says_what_its_picture_says():
+    pictures, clouds = Robot([table(0.7)]), Robot([table(0.7)])
+    for _ in range(3):
+        seen = pictures.step()
+        said = clouds.step(message=cloud(pictures.shown(), clouds.pose, "base_link"))
+    assert said.clearance == pytest.approx(seen.clearance, abs=0.02)
+    assert said.clearance < 0.7
+    assert clouds.fault == ""
+    clouds.step(message=cloud(clouds.shown(), clouds.pose, "elsewhere"))
+    assert "TF does not join depth_optical_frame and elsewhere" in clouds.fault
 
 
 def test_a_table_top_that_has_left_the_picture_is_still_in_the_way():
@@ -197,6 +210,7 @@ def test_odometry_that_was_reset_forgets_and_one_that_repeats_does_not():
         (lambda r: r.watch.publishers([Speaker(b"b", "x")]), "x publishes depth now, in place of"),
         (lambda r: r.watch.calibration(dataclasses.replace(CAMERA, width=640)), "says 640x100"),
         (lambda r: r.watch.calibration(dataclasses.replace(CAMERA, fy=-1.0)), "110 and -1"),
+        (lambda r: r.watch.calibration(dataclasses.replace(CAMERA, cx=np.nan)), "calibrate it"),
         (lambda r: setattr(r.tree, "_up", {}), "TF does not join base_link and depth_optical"),
         (lambda r: setattr(r, "boxes", [((0.01, -5, 0), (0.02, 5, 9))]), ""),
         (lambda r: setattr(r, "now", r.now + 5.0), ""),

@@ -1,12 +1,12 @@
 """Depth pictures as points: encodings, and what is no depth picture."""
 
-from dataclasses import replace
+from array import array
 
 import numpy as np
 import pytest
-from cfnav_ros.robot.depths import DepthCamera, depth_to_metres, thinning
+from cfnav_ros.robot.depths import cloud_to_metres, depth_to_metres, thinning
 
-from tests.ros.depth_scenes import CAMERA, MAST_DOWN, depth_of, picture, table
+from tests.ros.depth_scenes import CAMERA, FRAME, MAST_DOWN, cloud, depth_of, picture, table
 
 METRES = np.array([[0.5, 0.0, 1.25], [2.0, 65.0, 0.001]], np.float32)
 
@@ -64,8 +64,36 @@ def test_wide_pictures_are_thinned_to_at_most_320_columns():
     assert [thinning(width) for width in (160, 320, 640, 641, 1280)] == [1, 1, 2, 3, 4]
 
 
-def test_numbers_of_no_camera_are_one_sentence():
-    assert CAMERA.fault == ""
-    bad = replace(CAMERA, fx=0.0)
-    assert "focal lengths 0 and 110" in bad.fault
-    assert DepthCamera(np.nan, 1.0, 0.0, 0.0, 1, 1, "").fault
+@pytest.mark.parametrize("kind", ["<f4", ">f4", "<f8"])
+def test_a_cloud_is_the_picture_that_it_was_made_from(kind):
+    depth = depth_of([table(0.6)], MAST_DOWN)
+    here = cloud(depth, np.eye(4), FRAME, kind)
+    assert cloud_to_metres(here, CAMERA, np.eye(4)) == pytest.approx(depth, abs=1e-5)
+    at_base = cloud(depth, MAST_DOWN, "base_link", kind)
+    seen = cloud_to_metres(at_base, CAMERA, np.linalg.inv(MAST_DOWN))
+    assert seen == pytest.approx(depth, abs=1e-5)
+
+
+def test_of_points_in_one_pixel_the_nearest_counts():
+    depth = depth_of([table(0.6)], MAST_DOWN)
+    thin = cloud_to_metres(cloud(depth, np.eye(4), FRAME), CAMERA.thinned(4), np.eye(4))
+    assert thin.shape == (25, 40)
+    assert thin[10, 20] == pytest.approx(depth[38:43, 78:83].min(), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"fields": []}, "no x, y, z of float32 or float64"),
+        ({"width": 5000 * 5000}, "has 25000000 points"),
+        ({"row_step": 5}, "in rows of 5 and points of 16"),
+        ({"point_step": 8, "row_step": 8 * 16000}, "points of 8, expected 1 rows of 16000"),
+        ({"data": array("B", b"abc")}, "holds 3 bytes"),
+    ],
+)
+def test_what_is_no_cloud_is_one_sentence(change, sentence):
+    sent = cloud(depth_of([], MAST_DOWN), np.eye(4), FRAME)
+    vars(sent).update(change)
+    with pytest.raises(ValueError, match="depth cloud") as caught:
+        cloud_to_metres(sent, CAMERA, np.eye(4))
+    assert sentence in str(caught.value)

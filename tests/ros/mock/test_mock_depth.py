@@ -18,6 +18,7 @@ from sim_bridge.room.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world.camera import Camera  # noqa: E402
 from sim_bridge.world.world import Pose, World  # noqa: E402
 
+from cfnav_core.robot.robot import SHIPPED  # noqa: E402
 from cfnav_core.task.camera import CAMERAS  # noqa: E402
 from tests.ros.mock_listener import ROOM, Listener, start_mock  # noqa: E402
 from tests.ros.policy_graph import end, start_node  # noqa: E402
@@ -47,6 +48,34 @@ def test_depth_from_the_camera_to_the_estimate(tmp_path):
 
             listener.wait(lambda: depth_says("Depth sees."), "the node that sees by depth")
             assert "Depth sees." in (tmp_path / "lidar").read_text()
+        finally:
+            end(lidar)
+            listener.close()
+            mock.end()
+
+
+def test_the_points_of_a_robot_whose_file_names_points(tmp_path):
+    file = tmp_path / "points.yaml"
+    shipped = (SHIPPED / "turtlebot4_mast.yaml").read_text()
+    file.write_text(f"{shipped}topics: {{depth: depth_camera/points}}")
+    with Domain() as domain:
+        robot = f"robot:={file}"
+        mock = start_mock(
+            tmp_path / "mock", domain, f"room:={ROOM}", robot, "depth:=true", "depth_down_deg:=65.0"
+        )
+        listener = Listener(domain)
+        told = []
+        listener.node.create_subscription(DiagnosticArray, "/diagnostics", told.append, 5)
+        program = ("-m", "cfnav_ros.ros.lidar_collision_node")
+        lidar = start_node(domain, tmp_path / "lidar", "use_sim_time:=true", robot, program=program)
+        try:
+            mock.wait_for_line("ready")
+
+            def sees():
+                rows = [row for array in told for row in array.status if "depth" in row.name]
+                return rows and rows[-1].message == "Depth sees."
+
+            listener.wait(sees, "the node that sees by points")
         finally:
             end(lidar)
             listener.close()

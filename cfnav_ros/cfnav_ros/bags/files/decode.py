@@ -33,8 +33,8 @@ from cfnav_ros.bags.files.storage import BagTopic
 from cfnav_ros.drive.fields import (
     bump_zones,
     estimate_from_message,
-    intrinsics_from_message,
     odometry_from_message,
+    pinhole_from_message,
     scan_from_message,
     stamp_to_ns,
     tilt_from_message,
@@ -227,9 +227,7 @@ def _map(message: Any, about: dict[str, Any]) -> OccupancyMap:
 
 _EVENTS: dict[str, Callable[[Any, dict[str, Any]], Event | None]] = {
     "image": _picture,
-    "camera_info": lambda message, about: Calibrated(
-        found=intrinsics_from_message(message), **about
-    ),
+    "camera_info": lambda message, about: Calibrated(found=pinhole_from_message(message), **about),
     "scan": lambda message, about: LaserTurn(scan=scan_from_message(message), **about),
     "odom": _pose,
     "cmd_vel": _velocity,

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cfnav_core.task.actions import Action
-from cfnav_ros.drive.camera_watch import Intrinsics
 from cfnav_ros.lidar.estimate import Estimate, Scan
+from cfnav_ros.robot.pinhole import Pinhole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Picture(Event):
 class Calibrated(Event):
     """What camera_info says of the camera."""
 
-    found: Intrinsics
+    found: Pinhole
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,8 +38,9 @@ from cfnav_ros.bags.replay.estimates import Estimates, NodeTime
 from cfnav_ros.bags.replay.kept_pictures import KeptPictures
 from cfnav_ros.bags.replay.step import LeftOut, ReplayStep
 from cfnav_ros.bags.replay.view import ReplayView, view
-from cfnav_ros.drive.camera_watch import WHOLE, Crop, Intrinsics, fitting
+from cfnav_ros.drive.camera_watch import WHOLE, Crop, fitting
 from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.robot.pinhole import Pinhole
 
 WAIT_NS = 1_000_000_000
 """A picture or scan may be recorded so much later than the decision that was taken on it."""
@@ -116,7 +117,7 @@ class Replay:
         self._node_time, self._now_ns = NodeTime(), 0
         self._clocks, self._t_ns = Clocks(), 0
         self._pictures = KeptPictures()
-        self._camera: Intrinsics | None = None
+        self._camera: Pinhole | None = None
         self._waiting: deque[_Asked | Told] = deque()
         self._open: list[ReplayStep] = []
         self._lidar_said: list[float] = []

@@ -1,0 +1,73 @@
+"""A camera as a pinhole without distortion, by its CameraInfo. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """What ``camera_info`` says of a camera.
+
+    Attributes:
+        fx, fy: focal lengths, pixels; 0 when nobody calibrated it.
+        cx, cy: where its axis meets the picture, pixels; the middle of the first one is 0.
+        width, height: of its pictures, pixels.
+        frame: optical, x right, y down, z along the axis.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    frame: str = ""
+
+    @property
+    def fov_deg(self) -> tuple[float, float] | None:
+        """Horizontal and vertical field of view; None when it says nothing usable."""
+        numbers = self.fx, self.fy, self.cx, self.cy
+        sizes = self.fx, self.fy, self.width, self.height
+        if not all(map(math.isfinite, numbers)) or min(sizes) <= 0:
+            return None
+        wide, high = self.width / self.fx / 2, self.height / self.fy / 2
+        return math.degrees(2 * math.atan(wide)), math.degrees(2 * math.atan(high))
+
+    def thinned(self, every: int) -> Pinhole:
+        """The camera whose pictures have only the first of so many rows and columns."""
+        return Pinhole(
+            self.fx / every, self.fy / every, self.cx / every, self.cy / every,
+            -(-self.width // every), -(-self.height // every), self.frame,
+        )  # fmt: skip
+
+    def placed(self, depth: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Where each pixel's surface is in another frame.
+
+        Args:
+            depth: float32 [H, W], metres along the axis.
+            pose: float64 [4, 4], of the camera in that frame.
+
+        Returns:
+            float32 [3, H, W], metres.
+        """
+        turn, at = pose[:3, :3].astype(np.float32), pose[:3, 3].astype(np.float32)
+        across = (np.arange(self.width, dtype=np.float32) - np.float32(self.cx)) / self.fx
+        down = (np.arange(self.height, dtype=np.float32) - np.float32(self.cy)) / self.fy
+        placed = np.empty((3, *depth.shape), np.float32)
+        for k in range(3):
+            placed[k] = across * turn[k, 0] + (down * turn[k, 1] + turn[k, 2])[:, None]
+            placed[k] = placed[k] * depth + at[k]
+        return placed
+
+    def pixels(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where points [N, 3], metres, are seen: row and column int [N], and whether they are."""
+        ahead = np.where(points[:, 2] > 0, points[:, 2], np.inf)
+        column = np.rint(self.cx + self.fx * points[:, 0] / ahead)
+        row = np.rint(self.cy + self.fy * points[:, 1] / ahead)
+        inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        inside &= points[:, 2] > 0
+        return np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int), inside
