@@ -250,6 +250,23 @@ def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
         assert load_robot(of["policy_node"]["robot"]).tilts is tilts
 
 
+def test_only_cells_of_depth_are_measured_on_a_robot_that_has_it(tmp_path, monkeypatch):
+    asked = []
+
+    def results(work, tasks, bundle, logs, graphs, depth):
+        asked.append((depth, {EXPECTATIONS[task[0]].fault for task in tasks}))
+        yield from ()
+
+    monkeypatch.setattr(fault_matrix, "results", results)
+    monkeypatch.setattr(fault_matrix, "make_bundle", lambda folder, lists: folder)
+    config = fault_matrix.MatrixConfig(tmp_path / "faults.jsonl", only="^(image|depth)_silent$")
+    fault_matrix.measure(config)
+    assert asked == [(False, {"image_silent"}), (True, {"depth_silent"})]
+    for depth in (False, True):
+        mock = GraphConfig("kitchen:1", tmp_path, depth=depth).parts[0]
+        assert mock.parameters.get("depth", False) is depth
+
+
 # The real thing
 
 

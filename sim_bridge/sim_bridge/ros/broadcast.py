@@ -14,6 +14,8 @@ from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.topics import COMPRESSED
 from sim_bridge.faults.faults import (
     CAMERA_INFO,
+    DEPTH,
+    DEPTH_INFO,
     DOCK,
     HAZARDS,
     IMAGE,
@@ -36,7 +38,6 @@ from sim_bridge.ros.parameters import MockParameters
 from sim_bridge.ros.robot_node import (
     BATTERY,
     CLOCK,
-    DEPTH,
     IMU,
     TF_STATIC,
     RivalNode,
@@ -247,10 +248,9 @@ class Broadcast:
         if not self.running["camera"] or self._simulator.docked:
             return
         now, late = self._now, self._stage.noise.levels.depth_latency
-        picture, calibration = DEPTH
         frame = to_msg.DEPTH_FRAME if self._depth_fixed else to_msg.CAMERA_FRAME
-        self._send(picture, to_msg.depth(self._stage.depth(), now, frame), late)
-        self._send(calibration, to_msg.camera_info(self._stereo_set_up, now, frame), late)
+        self._send(DEPTH, to_msg.depth(self._stage.depth(), now, frame), late)
+        self._send(DEPTH_INFO, to_msg.camera_info(self._stereo_set_up, now, frame), late)
 
     def _imu(self) -> None:
         simulator = self._simulator
