@@ -331,6 +331,7 @@ CHANGED = {
         ),
         "3de714a: added with the fault",
     ),
+    **dict.fromkeys(_DEPTH, "38efbc4: added with the fault"),
     "relay_hangs": "3de714a: added with the fault; 7344ed1: limit was that of odometry, but the "
     "commands pass through the relay too",
     **dict.fromkeys(
