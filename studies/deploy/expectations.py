@@ -41,7 +41,7 @@ def _cut_short(limit: str) -> Cell:
 
 
 def _blind(limit: str, reason: str) -> tuple:
-    """A LiDAR that sees nothing: nothing drives, a turn may finish."""
+    """A LiDAR that sees nothing, or depth too much: nothing drives, a turn may finish."""
     return _stop(limit), _no_drive(limit), _stop(limit), reason
 
 
@@ -139,6 +139,24 @@ _IMAGE = {
     "image_data_short": _stops("picture", _UNREADABLE, refused=True),
     "image_empty": _stops("picture", _UNREADABLE, refused=True),
     "image_huge": _stops("picture", "no camera of this robot takes it", refused=True),
+}
+
+_ALONE = ": depth adds nothing, the LiDAR guards alone"
+
+_DEPTH = {
+    "depth_silent": _rides("no picture" + _ALONE),
+    "depth_late_2": _rides("a picture of 2 s ago is none of now" + _ALONE),
+    "depth_stamp_future": _rides("no odometry is of a time ahead of now" + _ALONE),
+    "depth_stamp_back": _rides("a stamp of 5 s ago is an old picture" + _ALONE),
+    "depth_rival": _rides("two sources of depth may contradict" + _ALONE),
+    "depth_frozen": _rides("a sensor's noise never repeats a whole picture" + _ALONE),
+    "depth_all_near": _blind(
+        "near depth", "what depth shows before the mast counts, whatever the LiDAR says"
+    ),
+    "depth_all_zero": _rides("a covered lens measures nothing" + _ALONE),
+    "depth_rgb8": _rides("colours are no depth" + _ALONE),
+    "depth_data_short": _rides(_UNREADABLE + _ALONE),
+    "depth_info_other": _rides("a calibration of another size is another camera's" + _ALONE),
 }
 
 _ODOM = {
@@ -251,7 +269,7 @@ _PROCESS = {
     "client_gone": _rides("a goal outlives its client, as in every ROS 2 action server"),
 }
 
-SIMULATED = {**_SCAN, **_IMAGE, **_ODOM, **_BASE_FAULTS, **_COMMAND, **_TIME}
+SIMULATED = {**_SCAN, **_IMAGE, **_DEPTH, **_ODOM, **_BASE_FAULTS, **_COMMAND, **_TIME}
 """Faults that the mock robot plays, by the names of its table."""
 
 PROCESS_FAULTS = tuple(_PROCESS)
@@ -259,6 +277,7 @@ PROCESS_FAULTS = tuple(_PROCESS)
 
 GOES_ON = {
     "network_cut_1": "it is mended by itself after a second, and the episode goes on",
+    "depth_all_near": "a veto ends no episode: the way may be free again, or another one",
     "policy_sigkill": "nobody is left to end the episode",
     "policy_hang": "who hangs says nothing, and goes on when it is mended",
 }
@@ -312,6 +331,7 @@ CHANGED = {
         ),
         "3de714a: added with the fault",
     ),
+    **dict.fromkeys(_DEPTH, "38efbc4: added with the fault"),
     "relay_hangs": "3de714a: added with the fault; 7344ed1: limit was that of odometry, but the "
     "commands pass through the relay too",
     **dict.fromkeys(
@@ -347,6 +367,7 @@ EXPECTATIONS = tuple(
 NAMES_CAUSE = {
     "scan": "scan|LiDAR|estimate",
     "image": "picture|image",
+    "depth": "epth",
     "estimate": "estimate",
     "relay": "dometry|base",
     "odom": "dometry|odom|slip|motions failed|come to rest",

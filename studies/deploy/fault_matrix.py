@@ -11,7 +11,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -92,6 +92,14 @@ def run_task(rig: Rig, places: StartPlaces, task: Task) -> tuple[dict[str, Any],
     return asdict(run.run(places, task[1])), run.broken
 
 
+def made(tasks: Sequence[Task], config: MatrixConfig) -> Iterator[dict[str, Any] | str]:
+    """See ``results``; robots have a depth camera in those cells that need one, which come last."""
+    bundle = make_bundle(config.out.parent / "bundles", LISTS)
+    for depth, logs in ((False, "logs"), (True, "logs_depth")):
+        of = [task for task in tasks if EXPECTATIONS[task[0]].depth is depth]
+        yield from results(run_task, of, bundle, config.out.parent / logs, config.graphs, depth)
+
+
 def measure(config: MatrixConfig) -> list[dict[str, Any]]:
     """Make the runs that are missing and return all that were asked for.
 
@@ -103,12 +111,10 @@ def measure(config: MatrixConfig) -> list[dict[str, Any]]:
     config.out.parent.mkdir(parents=True, exist_ok=True)
     # Rewritten first, as the next line must not continue one that was cut short.
     config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    bundle = make_bundle(config.out.parent / "bundles", LISTS)
     tasks = missing(config, rows)
-    logs = config.out.parent / "logs"
     failures, version = [], commit()
     with config.out.open("a") as file, tqdm(total=len(tasks), unit="run") as progress:
-        for row in results(run_task, tasks, bundle, logs, config.graphs):
+        for row in made(tasks, config):
             progress.update()
             if isinstance(row, str):
                 failures.append(row)

@@ -23,7 +23,7 @@ Work = Callable[[Rig, StartPlaces, Any], tuple[dict[str, Any], bool]]
 
 
 def results(
-    work: Work, tasks: Sequence[Any], bundle: Path, logs: Path, graphs: int
+    work: Work, tasks: Sequence[Any], bundle: Path, logs: Path, graphs: int, depth: bool = False
 ) -> Iterator[dict[str, Any] | str]:
     """Do all tasks and yield each result as it comes, or a sentence for a task that failed.
 
@@ -35,6 +35,7 @@ def results(
         bundle: drives all graphs.
         logs: folder for the logs of their nodes.
         graphs: how many run side by side.
+        depth: whether their robots have a depth camera.
 
     Raises:
         GraphError: all graphs have ended.
@@ -42,7 +43,7 @@ def results(
     context = multiprocessing.get_context("spawn")
     inbox, outbox = context.Queue(), context.Queue()
     workers = [
-        context.Process(target=_worker, args=(work, bundle, logs / str(n), inbox, outbox))
+        context.Process(target=_worker, args=(work, (bundle, logs / str(n), depth), inbox, outbox))
         for n in range(min(graphs, len(tasks)))
     ]
     for task in [*tasks, *(None for _ in workers)]:
@@ -71,10 +72,10 @@ def _next(outbox: Any, workers: Sequence[Any], logs: Path) -> dict[str, Any] | s
                 raise GraphError(f"all graphs ended too early; see {logs}") from None
 
 
-def _worker(work: Work, bundle: Path, logs: Path, inbox: Any, outbox: Any) -> None:
+def _worker(work: Work, asked: tuple[Path, Path, bool], inbox: Any, outbox: Any) -> None:
     """Do tasks until there are no more; the main function of a process."""
     INTERRUPT.catch()
-    lab = _Lab(bundle, logs)
+    lab = _Lab(*asked)
     try:
         for task in iter(inbox.get, None):
             outbox.put(lab.do(work, task))
@@ -87,8 +88,8 @@ def _worker(work: Work, bundle: Path, logs: Path, inbox: Any, outbox: Any) -> No
 class _Lab:
     """One graph at a time, replaced when it has failed or was broken."""
 
-    def __init__(self, bundle: Path, logs: Path) -> None:
-        self._bundle, self._logs = bundle, logs
+    def __init__(self, bundle: Path, logs: Path, depth: bool = False) -> None:
+        self._bundle, self._logs, self._depth = bundle, logs, depth
         self._places = find_places()
         self._opened = 0
         self._rig: Rig | None = None
@@ -111,7 +112,8 @@ class _Lab:
     def _open(self) -> Rig:
         if self._rig is None:
             self._opened += 1
-            config = GraphConfig(ROOM, self._logs / str(self._opened), bundle=self._bundle)
+            logs = self._logs / str(self._opened)
+            config = GraphConfig(ROOM, logs, bundle=self._bundle, depth=self._depth)
             self._rig = Rig(RosGraph(config).__enter__())
         return self._rig
 

@@ -85,6 +85,7 @@ LIMITS_S = {
     "blind scan": 2 * SCAN_PERIOD,
     "frozen scan": 1.0 + SCAN_PERIOD,
     "frozen picture": 1.0 + 1 / 15,
+    "near depth": 1 / 10 + NoiseLevels().depth_latency + 3 * SCAN_PERIOD,
     "mounting": (SEEN_THROUGH + 1) * SCAN_PERIOD,
     "slip": SLIP_WINDOW_S + 0.05,
     "push": FAULTS["base_pushed"].lasts + 0.05,
@@ -103,11 +104,14 @@ LIMITS_S = {
 node, with the period of its look at silence; a blind scan is told by the second one; a payload is
 frozen after a second, told when the next comes under a new stamp; a clock that drifts from the next
 odometry on, when it is behind by odometry's age, or ahead by what comes from another clock and the
-age of the newest odometry; a wrong mounting after as many scans as the self-check wants; a slip is
-told when all of its window shows it, and what the base does by itself when it is over, each by the
-next odometry; the LiDAR node's look at the graph; the clock's grace and the
-period of its watch; the policy node's look at cmd_vel; the base's own time-out; two reports of the
-bumper and the base's reflex; a signal or a request is seen at the executor's next turn."""
+age of the newest odometry; what depth shows, from the next picture and its latency on, when two
+that were looked at in a row have shown it at one place: one is looked at with each scan, and of
+what moves with the robot those that lie 0.2 s apart do not; a wrong mounting after as many scans as
+the self-check wants; a slip is told when all of its window shows it, and what the base does by
+itself when it is over, each by the next odometry; the LiDAR node's look at the graph; the clock's
+grace and the period of its watch; the policy node's look at cmd_vel; the base's own time-out; two
+reports of the bumper and the base's reflex; a signal or a request is seen at the executor's next
+turn."""
 
 
 LIMIT_CHANGED = {
@@ -151,6 +155,11 @@ class Expectation:
         """Whether the episode must end with a sentence that names the cause."""
         stops = self.bounded in (Bounded.MOTIONS, Bounded.DRIVES)
         return stops and not self.goes_on
+
+    @property
+    def depth(self) -> bool:
+        """Whether the robot has a depth camera: all cells of its faults need one, no others do."""
+        return self.fault.startswith("depth_")
 
     @property
     def before_wall(self) -> bool:

@@ -10,6 +10,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -38,6 +39,9 @@ from studies.deploy.judge import TruthSample
 
 PATIENCE_S = 20.0
 """Real seconds for anything that should be a matter of moments."""
+
+COUNTS_ANEW = "odom_turned"
+"""The fault after which what was seen by the odometry before is forgotten."""
 
 SIGHT_S = 0.6
 """An estimate this young, and not blind, says that the robot is well again, s."""
@@ -93,6 +97,8 @@ class Rig:
         if not answer.ok:
             raise GraphError(f"the simulator refused the start {start}: {answer.message}")
         self.graph.until(lambda: self._placed(start), PATIENCE_S, "robot at its start")
+        if self.graph.config.depth:
+            self._count_anew()
         self.graph.until(self._sees, PATIENCE_S, "sight of the LiDAR")
         del self.truth[:-1]
         self.decisions.clear()
@@ -108,6 +114,17 @@ class Rig:
         answer = self.graph.call(self._set_fault, request, "simulator/set_fault")
         if not answer.ok:
             raise GraphError(f"the simulator refused the fault {name!r}: {answer.message}")
+
+    def _count_anew(self) -> None:
+        """Turn the odometry, as if the base had been switched on here.
+
+        It goes on counting where the robot is put down elsewhere, and so would what depth has shown
+        before stand around it for as long as that counts.
+        """
+        self.faults.clear()
+        self.fault(COUNTS_ANEW)
+        over = partial(self.announced, COUNTS_ANEW, active=False)
+        self.graph.until(lambda: over() < math.inf, PATIENCE_S, "odometry that counts anew")
 
     def announced(self, name: str, active: bool = True) -> float:
         """Simulated time at which a fault began or ended; infinite when it has not."""

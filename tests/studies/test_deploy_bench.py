@@ -15,8 +15,10 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
 
+from cfnav_ros.lidar import depth_watch  # noqa: E402
 from cfnav_ros.process.processes import GraphError  # noqa: E402
 from cfnav_ros.ros.graph import GraphConfig  # noqa: E402
+from sim_bridge.robot import simulator  # noqa: E402
 from sim_bridge.room.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world.world import World  # noqa: E402
 
@@ -40,6 +42,7 @@ from studies.deploy.pool import _Lab  # noqa: E402
 from studies.deploy.reactions import (  # noqa: E402
     FaultPhase,
 )
+from studies.deploy.rig import COUNTS_ANEW  # noqa: E402
 from studies.parts import measure_parts  # noqa: E402
 from tests.ros.truth_samples import PAUSE, STEP, TURN, cell, drive  # noqa: E402
 
@@ -248,6 +251,28 @@ def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
         of = {part.executable: part.parameters for part in parts}
         assert of["mock_turtlebot4"]["camera"] == camera
         assert load_robot(of["policy_node"]["robot"]).tilts is tilts
+
+
+def test_only_cells_of_depth_are_measured_on_a_robot_that_has_it(tmp_path, monkeypatch):
+    asked = []
+
+    def results(work, tasks, bundle, logs, graphs, depth):
+        asked.append((depth, {EXPECTATIONS[task[0]].fault for task in tasks}))
+        yield from ()
+
+    monkeypatch.setattr(fault_matrix, "results", results)
+    monkeypatch.setattr(fault_matrix, "make_bundle", lambda folder, lists: folder)
+    config = fault_matrix.MatrixConfig(tmp_path / "faults.jsonl", only="^(image|depth)_silent$")
+    fault_matrix.measure(config)
+    assert asked == [(False, {"image_silent"}), (True, {"depth_silent"})]
+    for depth in (False, True):
+        mock = GraphConfig("kitchen:1", tmp_path, depth=depth).parts[0]
+        assert mock.parameters.get("depth", False) is depth
+
+
+def test_a_robot_that_is_put_down_elsewhere_forgets_what_depth_has_shown():
+    assert COUNTS_ANEW == "odom_turned"
+    assert simulator.JUMP_RAD > depth_watch.JUMP_RAD
 
 
 # The real thing

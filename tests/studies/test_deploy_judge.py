@@ -18,6 +18,8 @@ from cfnav_ros.ros import (  # noqa: E402
 from cfnav_ros.ros.real_time import GUARD_PERIOD_S  # noqa: E402
 from cfnav_ros.ros.velocity import CHECK_S  # noqa: E402
 from sim_bridge.faults.faults import FAULTS  # noqa: E402
+from sim_bridge.robot.noise import NoiseLevels  # noqa: E402
+from sim_bridge.ros.broadcast import DEPTH_PERIOD  # noqa: E402
 
 from studies.deploy.cell import AFTER_S, WATCH_S  # noqa: E402
 from studies.deploy.expectations import (  # noqa: E402
@@ -78,6 +80,8 @@ def test_limits_are_the_nodes_own_defaults():
     ]  # fmt: skip
     assert LIMITS_S["frozen scan"] == lidar.frozen + 1 / 7.7
     assert LIMITS_S["frozen picture"] == policy.frozen_picture_time + 1 / 15
+    depth = DEPTH_PERIOD + NoiseLevels().depth_latency
+    assert LIMITS_S["near depth"] == pytest.approx(depth + 3 / 7.7)
     assert LIMITS_S["clock"] == pytest.approx(0.5 + GUARD_PERIOD_S)
 
 

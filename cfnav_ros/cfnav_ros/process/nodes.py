@@ -34,7 +34,7 @@ NODES: dict[str, NodeKind] = {
         "sim_bridge",
         (
             "robot", "room", "seed", "speed", "faults", "camera", "visual_shift", "true_estimate",
-            "lock_step",
+            "lock_step", "depth",
         ),
     ),
     "lidar_collision_node": NodeKind("cfnav_ros", SHARED, "it comes back"),

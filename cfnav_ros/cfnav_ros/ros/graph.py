@@ -76,6 +76,7 @@ class GraphConfig:
             itself; no measure of reaction times.
         camera: the robot's: "mast", which tilts, "preview", as sold, which does not, or the JSON
             file of another.
+        depth: whether the mock also publishes the depth of a stereo camera.
         robot: the name of one that is shipped, or its file; the TurtleBot 4 of the camera when
             None.
         p_hat: where the collision probability comes from, see ``EpisodeLimits``; or "true", what
@@ -94,6 +95,7 @@ class GraphConfig:
     bag: Path | None = None
     lock_step: bool = False
     camera: str = "mast"
+    depth: bool = False
     robot: str | Path | None = None
     p_hat: PHat = "lidar"
     sample_seed: int | None = None
@@ -112,7 +114,8 @@ class GraphConfig:
         lidar = [] if told else ["lidar_collision_node"]
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),
-            "camera": self.camera, "visual_shift": float(self.visual_shift),
+            "camera": self.camera, "depth": self.depth or None,
+            "visual_shift": float(self.visual_shift),
             "true_estimate": told or None, "lock_step": self.lock_step, "use_sim_time": True,
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
             "sample_seed": self.sample_seed, "other_camera": self.camera == "preview" or None,

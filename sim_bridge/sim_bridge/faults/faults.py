@@ -19,6 +19,7 @@ import numpy as np
 from sim_bridge.faults import picture_faults, scan_faults
 
 IMAGE, CAMERA_INFO = "image", "camera_info"
+DEPTH, DEPTH_INFO = "depth", "depth_info"
 SCAN, ODOM, TF, JOINTS = "scan", "odom", "tf", "joint_states"
 HAZARDS, WHEELS, DOCK = "hazards", "wheel_status", "dock_status"
 COMMANDS = "cmd_vel"
@@ -188,6 +189,15 @@ def speckled(rng: np.random.Generator) -> Alter:
     return changed(scan_faults.speckle(rng))(rng)
 
 
+def near(rng: np.random.Generator) -> Alter:
+    """See ``picture_faults.all_near``."""
+    return changed(picture_faults.all_near(rng))(rng)
+
+
+def _half_size(calibration: Any) -> None:
+    calibration.width, calibration.height = calibration.width // 2, calibration.height // 2
+
+
 def _position_nan(odometry: Any) -> None:
     odometry.pose.pose.position.x = math.nan
 
@@ -201,7 +211,7 @@ def _of(topics: tuple[str, ...], shapes: dict[str, Callable[[Any], None]]) -> di
     return {name: Fault(topics, changed(shape)) for name, shape in shapes.items()}
 
 
-_CAMERA, _COUNTED = (IMAGE, CAMERA_INFO), (ODOM, TF)
+_CAMERA, _STEREO, _COUNTED = (IMAGE, CAMERA_INFO), (DEPTH, DEPTH_INFO), (ODOM, TF)
 
 _SCAN = {
     "scan_silent": Fault((SCAN,), silent),
@@ -235,6 +245,19 @@ _PICTURE = {
     "image_frozen": Fault((IMAGE,), frozen("data")),
     **_of((IMAGE,), picture_faults.SHAPES),
 }
+
+_DEPTH = {
+    "depth_silent": Fault(_STEREO, silent),
+    "depth_late_2": Fault(_STEREO, delay=2.0),
+    "depth_stamp_future": Fault((DEPTH,), shifted(FUTURE_S)),
+    "depth_stamp_back": Fault((DEPTH,), shifted(PAST_S)),
+    "depth_rival": Fault(),
+    "depth_frozen": Fault((DEPTH,), frozen("data")),
+    "depth_all_near": Fault((DEPTH,), near),
+    **_of((DEPTH,), picture_faults.DEPTH_SHAPES),
+    "depth_info_other": Fault((DEPTH_INFO,), changed(_half_size)),
+}
+"""Nothing happens to a robot without a depth camera."""
 
 _ODOMETRY = {
     "odom_silent": Fault(_COUNTED, silent),
@@ -288,5 +311,7 @@ _COMMAND = {
 
 _CLOCK = {"clock_stop": Fault(), "clock_ahead": Fault(), "clock_back": Fault()}
 
-FAULTS: dict[str, Fault] = {**_SCAN, **_PICTURE, **_ODOMETRY, **_BASE, **_COMMAND, **_CLOCK}
+FAULTS: dict[str, Fault] = {
+    **_SCAN, **_PICTURE, **_DEPTH, **_ODOMETRY, **_BASE, **_COMMAND, **_CLOCK,
+}  # fmt: skip
 """Every fault by name; those that hold alter a message in this order."""

@@ -24,6 +24,10 @@ HUGE = (2160, 3840)
 DEPTH_PER_GREY = 20
 """mm that a grey level becomes in a depth picture."""
 
+NEAR_MM, NEAR_NOISE_MM = 100.0, 2.0
+"""Depth of a hand before the lens, less than a MoveAhead has left when it is told in time; pictures
+that did not vary would be frozen."""
+
 
 def packed(image: Any) -> bool:
     """Whether a message is a CompressedImage."""
@@ -146,6 +150,21 @@ def huge(image: Any) -> None:
     set_picture(image, "bgr8", pixels[rows][:, columns])
 
 
+def all_zero(image: Any) -> None:
+    """A depth picture that measures nothing: the lens is covered."""
+    set_picture(image, "16UC1", np.zeros((image.height, image.width), np.uint16))
+
+
+def all_near(rng: np.random.Generator) -> Callable[[Any], None]:
+    """Depth pictures that measure something right before the lens at every pixel."""
+
+    def change(image: Any) -> None:
+        near = rng.normal(NEAR_MM, NEAR_NOISE_MM, (image.height, image.width))
+        set_picture(image, "16UC1", np.rint(near).astype(np.uint16))
+
+    return change
+
+
 SHAPES: dict[str, Callable[[Any], None]] = {
     "image_black": filled(0),
     "image_white": filled(255),
@@ -162,3 +181,10 @@ SHAPES: dict[str, Callable[[Any], None]] = {
 }
 """Faults that change every picture the same way. Of several that hold, each takes what those before
 it in the table have made, so what breaks the layout of the bytes comes after what needs it."""
+
+DEPTH_SHAPES: dict[str, Callable[[Any], None]] = {
+    "depth_all_zero": all_zero,
+    "depth_rgb8": rgb8,
+    "depth_data_short": data_short,
+}
+"""The same of depth pictures."""

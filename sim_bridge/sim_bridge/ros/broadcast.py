@@ -14,6 +14,8 @@ from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.topics import CLOUD, COMPRESSED
 from sim_bridge.faults.faults import (
     CAMERA_INFO,
+    DEPTH,
+    DEPTH_INFO,
     DOCK,
     HAZARDS,
     IMAGE,
@@ -36,7 +38,6 @@ from sim_bridge.ros.parameters import MockParameters
 from sim_bridge.ros.robot_node import (
     BATTERY,
     CLOCK,
-    DEPTH,
     IMU,
     TF_STATIC,
     RivalNode,
@@ -89,7 +90,7 @@ class Broadcast:
         self._set_up, self._lidar_frame = parameters.set_up, described.lidar.frame
         self._packed = described.topics[IMAGE].type == COMPRESSED
         self._stereo_set_up = parameters.stereo_set_up
-        self._points = parameters.depth and described.topics[DEPTH[0]].type == CLOUD
+        self._points = parameters.depth and described.topics[DEPTH].type == CLOUD
         self._depth_fixed = parameters.depth and parameters.depth_down_deg > 0
         self._joint = described.tilt_joint if parameters.set_up.tilts else ""
         self.outbox = Outbox(faults)
@@ -248,15 +249,14 @@ class Broadcast:
         if not self.running["camera"] or self._simulator.docked:
             return
         now, late = self._now, self._stage.noise.levels.depth_latency
-        picture, calibration = DEPTH
         frame = to_msg.DEPTH_FRAME if self._depth_fixed else to_msg.CAMERA_FRAME
         millimetres, set_up = self._stage.depth(), self._stereo_set_up
         if self._points:
             message = to_msg.depth_cloud(millimetres, set_up, now, frame)
         else:
             message = to_msg.depth(millimetres, now, frame)
-        self._send(picture, message, late)
-        self._send(calibration, to_msg.camera_info(set_up, now, frame), late)
+        self._send(DEPTH, message, late)
+        self._send(DEPTH_INFO, to_msg.camera_info(set_up, now, frame), late)
 
     def _imu(self) -> None:
         simulator = self._simulator

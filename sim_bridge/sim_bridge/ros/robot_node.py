@@ -28,6 +28,8 @@ from cfnav_core.robot.topics import TOPICS, UNSTAMPED, unstamped
 from sim_bridge.faults.faults import (
     CAMERA_INFO,
     COMMANDS,
+    DEPTH,
+    DEPTH_INFO,
     DOCK,
     HAZARDS,
     IMAGE,
@@ -40,13 +42,12 @@ from sim_bridge.faults.faults import (
 from sim_bridge.ros.topics import publisher
 
 CLOCK, TF_STATIC, BATTERY, IMU, TILT = "clock", "tf_static", "battery", "imu", "tilt_command"
-DEPTH = "depth", "depth_info"
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SURE = QoSProfile(depth=10)
 
 SAID = (
     CLOCK, IMAGE, CAMERA_INFO, SCAN, ODOM, TF, TF_STATIC, JOINTS, HAZARDS, WHEELS, DOCK, BATTERY,
-    IMU, *DEPTH,
+    IMU, DEPTH, DEPTH_INFO,
 )  # fmt: skip
 """Roles of what a robot publishes, as far as it has them."""
 
@@ -103,7 +104,7 @@ class RobotNode(Node):
             depth: whether there is a stereo camera.
         """
         self._robot = robot
-        unsaid = {*[CLOCK] * (not clock), *DEPTH * (not depth)}
+        unsaid = {*[CLOCK] * (not clock), *(DEPTH, DEPTH_INFO) * (not depth)}
         for role in SAID:
             if role in robot.topics and role not in unsaid:
                 self.out[role] = publisher(self, robot.topics[role])
@@ -213,7 +214,7 @@ def settle(goal: ServerGoalHandle, name: str, done: bool, docked: bool) -> Any:
 
 RIVALS = {
     "scan_rival": SCAN, "cmd_rival": COMMANDS, "estimate_rival": "estimate", "image_rival": IMAGE,
-    "odom_rival": ODOM, "hazards_rival": HAZARDS,
+    "odom_rival": ODOM, "hazards_rival": HAZARDS, "depth_rival": DEPTH,
 }  # fmt: skip
 """The role of what a rival publishes, by the fault that brings it."""
 

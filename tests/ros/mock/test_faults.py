@@ -15,11 +15,14 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
 
+from cfnav_ros.robot.depths import depth_to_metres  # noqa: E402
 from cfnav_ros.ros.conversions import frame_from_message, image_to_rgb  # noqa: E402
 from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
 from sim_bridge.faults import picture_faults  # noqa: E402
 from sim_bridge.faults.faults import (  # noqa: E402
     CAMERA_INFO,
+    DEPTH,
+    DEPTH_INFO,
     DOCK,
     EVERYTHING,
     FAULTS,
@@ -52,8 +55,10 @@ def make(topic, k=0):
         return to_msg.laser_scan(driver_ranges(angles, distances, SENSITIVITY), t, "laser")
     if topic == IMAGE:
         return to_msg.image(rng.integers(0, 255, (60, 60, 3), np.uint8), t)
-    if topic == CAMERA_INFO:
+    if topic in (CAMERA_INFO, DEPTH_INFO):
         return to_msg.camera_info(CAMERAS["mast"], t)
+    if topic == DEPTH:
+        return to_msg.depth(rng.integers(400, 4000, (60, 80), np.uint16), t, "optical")
     if topic == JOINTS:
         return to_msg.joint_state("neck", 0.1 * k, t)
     if topic == HAZARDS:
@@ -105,7 +110,9 @@ def bearing(scan):
 
 @pytest.mark.parametrize("fault", [name for name, row in FAULTS.items() if row.topics])
 def test_altered_messages_can_be_sent_and_other_topics_are_left_alone(fault):
-    for topic in (SCAN, IMAGE, CAMERA_INFO, ODOM, JOINTS, HAZARDS, WHEELS, DOCK):
+    for topic in (
+        SCAN, IMAGE, CAMERA_INFO, DEPTH, DEPTH_INFO, ODOM, JOINTS, HAZARDS, WHEELS, DOCK,
+    ):  # fmt: skip
         results, originals = suffered(fault, topic, 3)
         concerned = {topic, "*"} & set(FAULTS[fault].topics)
         for (message, delay), original in zip(results, originals, strict=True):
@@ -118,7 +125,9 @@ def test_altered_messages_can_be_sent_and_other_topics_are_left_alone(fault):
             assert [r for r in results if r[1] or r[0] != originals[results.index(r)]]
 
 
-@pytest.mark.parametrize("topic", [SCAN, IMAGE, CAMERA_INFO, ODOM, TF, JOINTS, HAZARDS])
+@pytest.mark.parametrize(
+    "topic", [SCAN, IMAGE, CAMERA_INFO, DEPTH, DEPTH_INFO, ODOM, TF, JOINTS, HAZARDS]
+)
 def test_any_two_faults_of_a_topic_hold_together(topic, monkeypatch):
     monkeypatch.setattr(picture_faults, "HUGE", (90, 160))
     concerned = [name for name, row in FAULTS.items() if {topic, EVERYTHING} & set(row.topics)]
@@ -184,6 +193,7 @@ def test_picture_of_every_encoding_can_be_read_again(encoding):
     [
         ("scan_silent", SCAN), ("image_silent", IMAGE), ("image_silent", CAMERA_INFO),
         ("odom_silent", ODOM), ("odom_silent", TF), ("joints_silent", JOINTS),
+        ("depth_silent", DEPTH), ("depth_silent", DEPTH_INFO),
         ("network_cut_1", SCAN), ("network_cut_1", IMAGE), ("network_cut_1", "/clock"),
     ],
 )  # fmt: skip
@@ -212,6 +222,7 @@ def test_lost_messages(fault, topic, kept):
         ("scan_late_0.2", SCAN, 0.2), ("scan_late_0.5", SCAN, 0.5), ("scan_late_1", SCAN, 1.0),
         ("scan_late_5", SCAN, 5.0), ("image_late_0.5", IMAGE, 0.5), ("image_late_2", IMAGE, 2.0),
         ("odom_late_0.5", ODOM, 0.5), ("odom_late_0.5", TF, 0.5), ("cmd_late_0.2", "cmd_vel", 0.2),
+        ("depth_late_2", DEPTH, 2.0), ("depth_late_2", DEPTH_INFO, 2.0),
     ],
 )  # fmt: skip
 def test_late_messages_are_otherwise_right(fault, topic, seconds):
@@ -224,6 +235,7 @@ def test_late_messages_are_otherwise_right(fault, topic, seconds):
     [
         ("scan_stamp_future", SCAN, 5.0), ("scan_stamp_back", SCAN, -5.0),
         ("image_stamp_future", IMAGE, 5.0), ("odom_stamp_future", ODOM, 5.0),
+        ("depth_stamp_future", DEPTH, 5.0), ("depth_stamp_back", DEPTH, -5.0),
     ],
 )  # fmt: skip
 def test_stamps_off(fault, topic, off):
@@ -261,6 +273,7 @@ def test_stamps_never_lie_before_zero():
         ("scan_frozen", SCAN, ["ranges", "intensities"], ["header"]),
         ("scan_stamp_repeated", SCAN, ["header"], ["ranges"]),
         ("image_frozen", IMAGE, ["data"], ["header"]),
+        ("depth_frozen", DEPTH, ["data"], ["header"]),
         ("odom_frozen", ODOM, ["pose", "twist"], ["header"]),
         ("odom_slip", ODOM, ["pose"], ["header", "twist"]),
     ],
@@ -396,6 +409,26 @@ def test_pictures_that_contradict_themselves():
     assert (image.width, image.height, image.step) == (3840, 2160, 11520)
     assert len(image.data) == 11520 * 2160
     assert np.array_equal(image_to_rgb(image)[::36, ::64], image_to_rgb(original))
+
+
+def test_depth_that_shows_nothing_is_not_there_or_stands_right_before_the_lens():
+    empty, original = first("depth_all_zero", DEPTH)
+    assert (empty.encoding, empty.step) == (original.encoding, original.step)
+    assert not depth_to_metres(empty).any()
+    near = [depth_to_metres(message) for message, _ in suffered("depth_all_near", DEPTH, 2)[0]]
+    assert near[0].shape == (60, 80)
+    assert np.abs(np.array(near) - picture_faults.NEAR_MM / 1000).max() < 0.02
+    assert (near[0] != near[1]).any()  # or it would be frozen
+
+
+def test_depth_that_cannot_be_read():
+    colours, _ = first("depth_rgb8", DEPTH)
+    assert (colours.step, len(colours.data)) == (3 * 80, 3 * 80 * 60)
+    for fault, why in (("depth_rgb8", "encoded as 'rgb8'"), ("depth_data_short", "4800 bytes")):
+        with pytest.raises(ValueError, match=why):
+            depth_to_metres(first(fault, DEPTH)[0])
+    calibration, original = first("depth_info_other", DEPTH_INFO)
+    assert (2 * calibration.width, calibration.k[0]) == (original.width, original.k[0])
 
 
 def test_odometry_that_makes_no_sense():
