@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from graphlib import TopologicalSorter
 
 import pytest
 
-from studies.house import FOLDERS, HEAVY, MODULES, covers, forbidden_imports, rule, speaks_ros
+from studies.house import FOLDERS, HEAVY, MODULES, ROOT, covers, forbidden_imports, rule, speaks_ros
 
 MOST_FILES = 23
+OURS = "cfnav|cfnav_core|cfnav_ros|sim_bridge|studies"
+STARTED = re.compile(rf"""-m"?,? "?((?:{OURS})\.[a-z0-9_.]*[a-z0-9_])""")
 
 # A robot needs none of these: only what trains or exports may load torch.
 TORCH_FREE = (
@@ -89,3 +92,15 @@ def test_the_check_finds_what_it_looks_for():
 def test_a_robot_loads_no_torch():
     done = load({"torch"}, *TORCH_FREE)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_is_started_as_a_program_is_one():
+    """A module without an end ``if __name__ == "__main__"`` does nothing, and calls it success."""
+    pages = [*MODULES.values(), ROOT / "Makefile", *ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
+    named = {name: page for page in pages for name in STARTED.findall(page.read_text())}
+    assert len(named) > 20
+    idle = {
+        f"{page.relative_to(ROOT)}: {name}" for name, page in named.items()
+        if name not in MODULES or "__main__" not in MODULES[name].read_text()
+    }  # fmt: skip
+    assert idle == set()

@@ -31,7 +31,7 @@ class BagBenchConfig:
 
 def _recorded(config: BagBenchConfig) -> Path:
     if not config.bag.exists():
-        demo = [sys.executable, "-m", "cfnav_ros.live.demo", "--out", str(config.bag.parent)]
+        demo = [sys.executable, "-m", "cfnav.cli", "demo", "--out", str(config.bag.parent)]
         subprocess.run(demo, check=True)
     return config.bag
 

@@ -95,7 +95,7 @@ def moved(value: Any, shift: int) -> Any:
 
 def _evaluated(bag: Path, out: Path) -> tuple[float, float, int]:
     """Largest resident memory (MB), recorded seconds and drives of an evaluation."""
-    command = [sys.executable, "-m", "cfnav_ros.report.bag_eval", str(bag), "--jobs", "1"]
+    command = [sys.executable, "-m", "cfnav.cli", "bag", "eval", str(bag), "--jobs", "1"]
     with subprocess.Popen([*command, "--out", str(out)], stdout=subprocess.DEVNULL) as process:
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
