@@ -82,9 +82,14 @@ class DepthWatch:
         self.known = 0.0
         """Share of the newest picture's pixels that measured something."""
 
-    def publishers(self, speakers: Sequence[Speaker]) -> None:
-        """Hear who publishes depth; while it is not one alone, pictures are not looked at."""
-        self._rivals = self._speaker.look(speakers)
+    def publishers(self, speakers: Sequence[Speaker], met: int = 0) -> None:
+        """Hear who publishes depth; while it is not one alone, pictures are not looked at.
+
+        ``met`` as in ``OneSpeaker.look``.
+        """
+        self._rivals = self._speaker.look(speakers, met)
+        if self._rivals:
+            self._pending.clear()
         if self._rivals and len(speakers) == 1:
             self._speaker.forget()  # it took the place of another; its next pictures are believed
 

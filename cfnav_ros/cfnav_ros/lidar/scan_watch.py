@@ -118,9 +118,9 @@ class ScanWatch:
         self._rivals = ""
         self.source = ""
 
-    def publishers(self, now: float, speakers: Sequence[Speaker]) -> None:
-        """Hear who publishes scans at a real time, seconds."""
-        found = self._speaker.look(speakers)
+    def publishers(self, now: float, speakers: Sequence[Speaker], met: int = 0) -> None:
+        """Hear who publishes scans at a real time, seconds; ``met`` as in ``OneSpeaker.look``."""
+        found = self._speaker.look(speakers, met)
         if found:
             self._speaker.forget()  # whoever is left is new
             self._new_since, self._rivals = now, found

@@ -42,11 +42,12 @@ class OneSpeaker:
         """Another one may speak from now on."""
         self._known = None
 
-    def look(self, speakers: Sequence[Speaker]) -> str:
+    def look(self, speakers: Sequence[Speaker], met: int = 0) -> str:
         """One sentence when somebody else speaks, or might; else empty.
 
         Args:
             speakers: all publishers of the topic's type there now.
+            met: how many its listener has ever met; 0 where nobody listens.
         """
         if len(speakers) > 1:
             names = ", ".join(sorted(map(_named, speakers)))
@@ -56,6 +57,11 @@ class OneSpeaker:
                 self._known = speaker.gid
             elif speaker.gid != self._known:
                 return f"{_named(speaker)} publishes {self.topic} now, in place of another one."
+        if met > 1:
+            return (
+                f"Another publisher of {self.topic} came and went: whose words came meanwhile "
+                "cannot be told."
+            )
         return ""
 
 

@@ -15,7 +15,7 @@ from cfnav_core.robot.topics import CLOUD
 from cfnav_ros.drive import fields
 from cfnav_ros.lidar.depth_watch import DepthWatch
 from cfnav_ros.lidar.estimate import Estimate
-from cfnav_ros.ros import conversions
+from cfnav_ros.ros.listener import Listener
 
 
 class DepthListener:
@@ -43,8 +43,8 @@ class DepthListener:
         self._told: str | None = None
         depth, info = (robot.topics.get(role) for role in ("depth", "depth_info"))
         kind = PointCloud2 if depth and depth.type == CLOUD else Image
-        self._pictures = depth and node.create_subscription(
-            kind, depth.name, self._on_picture, qos_profile_sensor_data
+        self._pictures = depth and Listener(
+            node, kind, depth.name, self._on_picture, qos_profile_sensor_data
         )
         if depth and info:
             node.create_subscription(
@@ -54,9 +54,11 @@ class DepthListener:
     def look_for_rivals(self) -> None:
         """Look who publishes depth."""
         if self.arrives and self._pictures:
-            infos = self._node.get_publishers_info_by_topic(self._pictures.topic_name)
-            kind = conversions.type_name(self._pictures)
-            self._watch.publishers(conversions.speakers(infos, kind))
+            speakers = self._pictures.speakers()
+            met = self._pictures.met
+            self._watch.publishers(speakers, met)
+            if met > 1 and len(speakers) < 2:
+                self._pictures.renew()
 
     def joined(self, now: float, stamp: float, estimate: Estimate) -> Estimate:
         """The LiDAR's estimate with what depth shows, see ``DepthWatch.joined``."""

@@ -27,6 +27,7 @@ from cfnav_ros.lidar.mounting import MOUNT, told
 from cfnav_ros.lidar.scan_watch import GRAPH_S, LidarParameters, ScanWatch
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.depth_listener import DepthListener
+from cfnav_ros.ros.listener import Listener
 from cfnav_ros.ros.node_process import run_node
 from cfnav_ros.ros.parameters import declare, named_robot
 from cfnav_ros.ros.topics import publisher, quality
@@ -58,8 +59,8 @@ class LidarCollisionNode(Node):
         self._source = ""
         self._publisher = publisher(self, TOPICS["estimate"])
         self._diagnostics = publisher(self, TOPICS["diagnostics"])
-        self._scans = self.create_subscription(
-            LaserScan, robot.topics["scan"].name, self._on_scan, qos_profile_sensor_data
+        self._scans = Listener(
+            self, LaserScan, robot.topics["scan"].name, self._on_scan, qos_profile_sensor_data
         )
         depth = DepthWatch(
             parameters.depth, parameters.frozen, disc, parameters.errors, self._mounting.tree,
@@ -77,7 +78,7 @@ class LidarCollisionNode(Node):
         self.create_timer(GRAPH_S, self._look_for_rivals, clock=steady)
         self.create_timer(1.0, self._on_second, clock=steady)
         self.get_logger().info(
-            f"Judging {self._scans.topic_name} -> {self._publisher.topic_name}; the "
+            f"Judging {self._scans.topic} -> {self._publisher.topic_name}; the "
             f"parameters put the LiDAR at {told(disc.mount)}."
         )
         if not disc.mask_bearings:
@@ -140,9 +141,11 @@ class LidarCollisionNode(Node):
             self._tf = None
 
     def _look_for_rivals(self) -> None:
-        infos = self.get_publishers_info_by_topic(self._scans.topic_name)
-        speakers = conversions.speakers(infos, conversions.type_name(self._scans))
-        self._watch.publishers(time.monotonic(), speakers)
+        speakers = self._scans.speakers()
+        met = self._scans.met
+        self._watch.publishers(time.monotonic(), speakers, met)
+        if met > 1 and len(speakers) < 2:
+            self._scans.renew()
         self._depth.look_for_rivals()
 
     def _on_second(self) -> None:

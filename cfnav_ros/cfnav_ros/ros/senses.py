@@ -11,8 +11,7 @@ from cfnav_interfaces.msg import CollisionEstimate
 from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from rclpy.subscription import Subscription
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image, JointState
 
 from cfnav_core.policy.policy import Policy
@@ -24,9 +23,9 @@ from cfnav_ros.drive.inputs import CameraFrame, SensorInputs, needed
 from cfnav_ros.drive.picture_watch import PictureWatch
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import BaseCheck, explain_silence, relatives
-from cfnav_ros.robot.speakers import GUARDED, OneSpeaker
+from cfnav_ros.robot.speakers import GUARDED, OneSpeaker, Speaker
 from cfnav_ros.ros import conversions
-from cfnav_ros.ros.conversions import type_name
+from cfnav_ros.ros.listener import Listener
 from cfnav_ros.ros.topics import message_type
 
 
@@ -60,7 +59,7 @@ class Senses:
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
         if settings.lock_step:  # nothing may be lost: the simulator waits until all has come
             newest = only_newest = QoSProfile(depth=10)
-        self._listeners: dict[str, Subscription] = {}
+        self._listeners: dict[str, Listener] = {}
         """By field of ``SensorInputs``, or by the name that the thing has in ``STATUSES``."""
         picture = message_type(robot.topics["image"].type)
         for heard, role, kind, act, qos in (
@@ -70,7 +69,7 @@ class Senses:
             ("tilt", "joint_states", JointState, self._on_joints, newest),
         ):
             if topic := robot.topics.get(role):
-                self._listeners[heard] = node.create_subscription(kind, topic.name, act, qos)
+                self._listeners[heard] = Listener(node, kind, topic.name, act, qos)
         for heard, role, kind, act in (
             ("hazards", "hazards", HazardDetectionVector, self._on_hazards),
             ("dock status", "dock_status", DockStatus, self._on_dock),
@@ -78,10 +77,10 @@ class Senses:
             ("battery", "battery", BatteryState, self._on_battery),
         ):
             if topic := robot.topics.get(role):
-                self._listeners[heard] = self._hear_state(kind, topic.name, act, newest)
+                self._listeners[heard] = Listener(node, kind, topic.name, act, newest, state=True)
         self._drives = False
         self._guarded = {
-            name: OneSpeaker(listener.topic_name, type_name(listener))
+            name: OneSpeaker(listener.topic, listener.type)
             for name, listener in self._listeners.items()
             if name in GUARDED
         }
@@ -93,27 +92,10 @@ class Senses:
             node.create_subscription(CameraInfo, info.name, self._on_camera, newest)
         self._rates = {name: Rate() for name in self._listeners if name not in STATUSES}
 
-    def _hear_state(
-        self, kind: type, topic: str, act: Callable[[Any], None], otherwise: QoSProfile
-    ) -> Subscription:
-        """Hear of a state that may be told only when it changes: nothing of it may be lost.
-
-        Where the robot offers that, what it said last comes at once and all else for sure; a robot
-        that does not is heard all the same.
-        """
-        for_sure = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        latched = self._node.create_subscription(kind, topic, act, for_sure)
-
-        def hear(message: Any) -> None:
-            if not latched.get_publisher_count():
-                act(message)
-
-        return self._node.create_subscription(kind, topic, hear, otherwise)
-
     @property
     def image_topic(self) -> str:
         """Resolved name of the pictures' topic."""
-        return self._listeners["frame"].topic_name
+        return self._listeners["frame"].topic
 
     @property
     def quiet(self) -> set[str]:
@@ -129,9 +111,9 @@ class Senses:
         """
         listeners = {name: self._listeners[name] for name in STATUSES if name in self._listeners}
         return {
-            name: listener.topic_name
+            name: listener.topic
             for name, listener in listeners.items()
-            if name not in self.heard and not listener.get_publisher_count()
+            if name not in self.heard and not listener.subscription.get_publisher_count()
         }
 
     def rates(self) -> dict[str, float]:
@@ -142,8 +124,9 @@ class Senses:
     def restart(self) -> None:
         """Begin an episode: whoever speaks alone now is who must speak until ``release``."""
         self._drives = True
-        for one in self._guarded.values():
+        for name, one in self._guarded.items():
             one.forget()
+            self._begin_anew(name)
         self.inputs = replace(self.inputs, rival="")
 
     def release(self) -> None:
@@ -152,21 +135,48 @@ class Senses:
 
     def look_for_rivals(self) -> None:
         """Ask the graph who speaks on each topic that safety hangs on."""
-        found = filter(None, map(self._rival, self._guarded.values()))
+        if not self._drives:
+            for name in self._guarded:
+                self._begin_anew(name)
+        found = filter(None, map(self._rival, self._guarded))
         self.inputs = replace(self.inputs, rival=next(found, ""))
+
+    def _begin_anew(self, name: str) -> None:
+        """Where others have spoken and one is left, forget all that was said.
+
+        That the bumper is pressed is kept: whoever is left may tell of changes only.
+        """
+        listener, one = self._listeners.get(name), self._guarded[name]
+        if listener is None or listener.met < 2 or len(self._speakers(one)) > 1:
+            return
+        listener.renew()
+        self.heard.discard(name)
+        blank = SensorInputs()
+        arrived = {key: at for key, at in self.inputs.arrived.items() if key != name}
+        if name == "frame":
+            self.inputs = replace(self.inputs, frame=blank.frame, picture=blank.picture)
+        elif name != "hazards":
+            self.inputs = replace(self.inputs, **{name: getattr(blank, name)})
+        self.inputs = replace(self.inputs, arrived=arrived)
 
     def _rivaled(self, name: str) -> bool:
         """Whether another than the known one speaks, or might; told to the episode."""
-        rival = self._rival(self._guarded[name])
+        rival = self._rival(name)
         if rival:
             self.inputs = replace(self.inputs, rival=rival)
         return bool(rival)
 
-    def _rival(self, one: OneSpeaker) -> str:
+    def _rival(self, name: str) -> str:
+        one, listener = self._guarded[name], self._listeners.get(name)
         if not self._drives:
             one.forget()
+        # the count is asked last: whoever came before the message did is in it
+        speakers = self._speakers(one)
+        return one.look(speakers, listener.met if listener else 0)
+
+    def _speakers(self, one: OneSpeaker) -> list[Speaker]:
         infos = self._node.get_publishers_info_by_topic(one.topic)
-        return one.look(conversions.speakers(infos, one.type))
+        return conversions.speakers(infos, one.type)
 
     def notice_base(self, base: BaseCheck) -> None:
         """Take who listens on cmd_vel, and what the graph says of inputs that never came."""
@@ -176,10 +186,10 @@ class Senses:
             if name in self.heard:
                 continue
             listener = self._listeners[name]
-            topic, expected = listener.topic_name, type_name(listener)
+            topic, expected = listener.topic, listener.type
             names = names or [found for found, _ in self._node.get_topic_names_and_types()]
             infos = self._node.get_publishers_info_by_topic(topic)
-            sources = conversions.sources(infos, listener)
+            sources = conversions.sources(infos, listener.subscription)
             notes[name] = explain_silence(topic, expected, sources, relatives(topic, names))
         self.inputs = replace(self.inputs, base=base, notes=notes)
 
@@ -209,7 +219,7 @@ class Senses:
 
     def _on_joints(self, message: JointState) -> None:
         joint = self._settings.tilt_joint
-        otherwise = f"{self._listeners['tilt'].topic_name} gives no position of {joint}"
+        otherwise = f"{self._listeners['tilt'].topic} gives no position of {joint}"
         self._take("tilt", fields.tilt_from_message, message, joint, otherwise=otherwise)
         if self._settings.lock_step:
             self._wake()

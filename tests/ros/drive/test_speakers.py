@@ -29,3 +29,11 @@ def test_another_one_of_the_same_name_is_not_the_one() -> None:
     assert one.look([AGAIN]) == reason
     one.forget()
     assert one.look([AGAIN]) == ""
+
+
+def test_one_who_came_and_went_is_noticed() -> None:
+    one = OneSpeaker("/odom", "")
+    assert one.look([LIDAR], met=1) == ""
+    gone = "Another publisher of /odom came and went: whose words came meanwhile cannot be told."
+    assert one.look([LIDAR], met=2) == gone
+    assert one.look([], met=2) == gone

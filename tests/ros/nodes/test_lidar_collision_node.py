@@ -58,14 +58,14 @@ class Lidar(OwnNode):
         self.node.create_subscription(CollisionEstimate, "collision/estimate", self.heard.append, 5)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self.told.append, 5)
 
-    def send(self, scan, stamp=None):
+    def send(self, scan, stamp=None, publisher=None):
         message = LaserScan(range_min=scan.range_min, range_max=scan.range_max)
         message.header.stamp = stamp or self.node.get_clock().now().to_msg()
         message.header.frame_id = scan.frame
         message.angle_min, message.angle_max = scan.angle_min, scan.angle_max
         message.angle_increment, message.scan_time = scan.angle_increment, scan.scan_time
         message.ranges = array("f", scan.ranges.astype(np.float32).tobytes())
-        self.scans.publish(message)
+        (publisher or self.scans).publish(message)
         return message.header.stamp
 
     def transform(self, yaw):
@@ -199,6 +199,51 @@ def test_who_publishes_and_from_which_frame(graph):
 
     # A busy machine is late, but not always.
     wait_until(known_within_two_scans, "a rival that is known in time")
+
+
+def test_scans_of_one_who_has_left_are_not_believed(graph, ros_domain_id):
+    lidar, *_ = graph
+    lidar.wait(lambda: lidar.ask(live(0.3)).probability > 0.9, "the wall")
+    stranger, told = OwnNode(ros_domain_id, "stranger"), []
+
+    def noticed():
+        """One that leaves so soon may be gone before the node has heard of it."""
+        forger = stranger.node.create_publisher(LaserScan, "scan", 10)
+        lidar.wait(forger.get_subscription_count, "the node to listen")
+        lidar.send(live(), publisher=forger)
+        stranger.node.destroy_publisher(forger)
+        lidar.ask(live(0.3))
+        told[:] = [m for m in lidar.heard if "publisher of scans came and went" in m.reason]
+        return told
+
+    try:
+        del lidar.heard[:]
+        lidar.wait(noticed, "one who has left to be noticed")
+        assert told[0].verdict == CollisionEstimate.BLIND
+        lidar.wait(lambda: lidar.ask(live(0.3)).verdict == CollisionEstimate.GOOD, "one again")
+        assert [m for m in lidar.heard if m.probability < 0.5] == []
+    finally:
+        stranger.close()
+
+
+def test_a_stranger_on_tf_blinds(graph, ros_domain_id):
+    lidar, _, log = graph
+    lidar.transform(math.pi / 2)
+
+    def mounted():
+        lidar.ask(live())
+        return "comes from TF" in log.read_text()
+
+    lidar.wait(mounted, "TF")
+    stranger = Lidar(ros_domain_id)
+    try:
+        stranger.node.destroy_publisher(stranger.scans)
+        lidar.wait(lambda: lidar.ask(live()).verdict == CollisionEstimate.GOOD, "sight")
+        lidar.wait(stranger.transforms.get_subscription_count, "the node to listen")
+        stranger.transform(0.0)
+        blind(lidar, "TF")
+    finally:
+        stranger.close()
 
 
 def test_a_repeated_stamp_is_told_at_once_and_stamped_now(graph):

@@ -73,6 +73,22 @@ def test_a_second_voice_ends_the_drive_before_it_is_believed(graph, make_bundle,
     del owner
 
 
+@pytest.mark.parametrize("topic", [topic for topic in FORGED if topic != "/scan"])
+def test_who_speaks_once_and_leaves_ends_the_drive(graph, make_bundle, stranger, topic):
+    robot, _, _ = graph(make_bundle("MoveAhead"))
+    hidden = stranger()
+    for _ in range(3):
+        future = robot.send()[1]
+        robot.wait_driving()
+        forger = hidden.create_publisher(type(FORGED[topic]), topic, 10)
+        robot.wait(forger.get_subscription_count, "the node to listen")
+        forger.publish(FORGED[topic])
+        hidden.destroy_publisher(forger)
+        message = aborted(robot, future)
+        left = message.startswith(f"Another publisher of {topic} came and went: ")
+        assert left or message.startswith(f"2 nodes publish {topic} ("), message
+
+
 def test_a_second_voice_is_refused_at_the_start(graph, make_bundle, stranger):
     robot, _, _ = graph(make_bundle("MoveAhead"), "episode.preflight_timeout:=4.0")
     stranger("mock_turtlebot4").create_publisher(CollisionEstimate, "collision/estimate", 10)

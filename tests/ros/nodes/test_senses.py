@@ -17,12 +17,20 @@ from cfnav_ros.drive.policy_parameters import PolicyParameters  # noqa: E402
 from cfnav_ros.drive.preflight import BaseCheck  # noqa: E402
 from cfnav_ros.robot.stamps import NEVER  # noqa: E402
 from cfnav_ros.ros.senses import Senses  # noqa: E402
+from irobot_create_msgs.msg import (  # noqa: E402
+    DockStatus,
+    HazardDetection,
+    HazardDetectionVector,
+)
 from nav_msgs.msg import Odometry  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image, JointState  # noqa: E402
 
 from cfnav_core.perception.perception import BUILT_IN  # noqa: E402
 from cfnav_core.robot.robot import Robot, load_robot  # noqa: E402
 from cfnav_core.task.camera import MAST  # noqa: E402
+from tests.conftest import wait_until  # noqa: E402
+from tests.ros.own_node import OwnNode  # noqa: E402
 
 POLICY = SimpleNamespace(camera=MAST, check_size=BUILT_IN.check_size)
 
@@ -86,3 +94,113 @@ def test_pictures_that_are_not_square_are_cut_by_their_camera_info(node):
     senses._on_camera(CameraInfo(height=300, width=400, k=[2 * f for f in k[:8]] + [1.0]))
     senses._on_image(picture)
     assert senses.inputs.picture.fault.startswith("The robot's camera shows a view of 67 x 53")
+
+
+@pytest.fixture
+def other(ros_domain_id):
+    """A node of another participant."""
+    other = OwnNode(ros_domain_id, "other")
+    yield other.node
+    other.close()
+
+
+def spin_until(node, condition, what):
+    executor = rclpy.executors.SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+
+    def spun():
+        executor.spin_once(timeout_sec=0.01)
+        return condition()
+
+    wait_until(spun, what)
+    executor.shutdown()
+
+
+def say_once_and_leave(other, topic, message):
+    publisher = other.create_publisher(type(message), topic, 10)
+    wait_until(publisher.get_subscription_count, "the node to listen")
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+    other.destroy_publisher(publisher)
+
+
+def odometry(x):
+    message = Odometry()
+    message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
+    message.header.stamp.sec = 1
+    return message
+
+
+@pytest.mark.parametrize("drives", [True, False])
+def test_words_of_one_who_has_left_are_not_taken(node, other, drives):
+    senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+    base = other.create_publisher(Odometry, "odom", 10)
+
+    def hears(x):
+        base.publish(odometry(x))
+        return senses.inputs.odometry.x == x
+
+    spin_until(node, lambda: hears(1.0), "the base's odometry")
+    if drives:
+        senses.restart()
+        spin_until(node, lambda: hears(2.0), "odometry of the drive")
+        assert senses.inputs.rival == ""
+    before = senses.inputs.odometry
+    say_once_and_leave(other, "odom", odometry(9.0))  # nobody has read it yet
+    wait_until(lambda: node.count_publishers("odom") == 1, "the graph to forget the stranger")
+    heard = Counter()
+    spin_until(node, lambda: heard.update(["spun"]) or heard["spun"] > 20, "all to be read")
+    assert senses.inputs.odometry == before
+    assert senses.inputs.rival.startswith("Another publisher of /odom came and went: ")
+    if drives:  # for as long as the drive lasts
+        senses.look_for_rivals()
+        spin_until(node, lambda: heard.update(["more"]) or heard["more"] > 20, "what comes")
+        assert senses.inputs.rival != ""
+        senses.release()
+    senses.look_for_rivals()
+    assert senses.inputs.rival == ""
+    spin_until(node, lambda: hears(3.0), "the base alone")
+    assert senses.inputs.rival == ""
+
+
+def bump(*zones):
+    kind = HazardDetection.BUMP
+    return HazardDetectionVector(detections=[HazardDetection(type=kind) for _ in zones])
+
+
+def test_one_who_has_left_cannot_free_the_bumper_but_press_it(node, other):
+    senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+    base = other.create_publisher(HazardDetectionVector, "hazard_detection", 10)
+    wait_until(base.get_subscription_count, "the node to listen")
+    base.publish(bump("front"))
+    spin_until(node, lambda: senses.inputs.bumper.pressed, "the bump")
+    senses.restart()
+    say_once_and_leave(other, "hazard_detection", bump())
+    wait_until(lambda: node.count_publishers("hazard_detection") == 1, "the stranger to be gone")
+    spin_until(node, lambda: senses.inputs.rival, "the stranger's words to be read")
+    assert senses.inputs.bumper.pressed
+    senses.release()
+    senses.look_for_rivals()
+    assert senses.inputs.bumper.pressed
+    assert "hazards" not in senses.heard
+    wait_until(base.get_subscription_count, "the node to listen again")
+
+    def freed():
+        base.publish(bump())
+        return not senses.inputs.bumper.pressed
+
+    spin_until(node, freed, "the base's own word")
+
+
+def test_a_latched_stranger_does_not_silence_a_base_that_is_not(node, other):
+    senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+    base = other.create_publisher(DockStatus, "dock_status", 10)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    stranger = other.create_publisher(DockStatus, "dock_status", latched)
+    wait_until(lambda: stranger.get_subscription_count() == 2, "both to be heard")
+
+    def docked():
+        base.publish(DockStatus(is_docked=True))
+        return senses.inputs.docked
+
+    spin_until(node, docked, "the base's word")
