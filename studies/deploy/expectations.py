@@ -213,7 +213,9 @@ _BASE_FAULTS = {
     ),
     "bumper_stuck": _blind("bumper", "a pressed bumper forbids driving; a turn may be the way out"),
     "hazards_silent": _rides("no bump sense, as on a robot as it is sold: the LiDAR guards"),
-    "hazards_lost_once": _rides("a bump that is not told is none; the LiDAR guards"),
+    "hazards_lost_once": _blind(
+        "bumper resent", "the only message of a bump is lost on the way, and delivered again"
+    ),
     "hazards_rival": _stops("base check", _RIVAL, refused=True),
     "relay_hangs": _stops("base", "without commands the base stops itself; it says nothing more"),
     "wheels_silent": _rides("the last word on the power holds; without it nothing moves"),
