@@ -125,6 +125,10 @@ _IMAGE = {
     "image_stamp_future": _stops("picture", "a stamp ahead of now comes from another clock"),
     "image_stamp_back": _stops("picture", "a stamp of 5 s ago is an old picture"),
     "image_stamp_jumps": _stops("picture", "every picture is from another time"),
+    **{
+        fault: _stops("picture", "a camera that is off sends nothing, whoever starts it", True)
+        for fault in ("camera_start_hangs", "camera_start_fails")
+    },
     "image_rival": _stops("graph", _RIVAL, refused=True),
     "image_frozen": _stops("frozen picture", "a sensor's noise never repeats a whole picture"),
     "image_black": _stops("picture", "a picture without contrast shows nothing", refused=True),
@@ -369,6 +373,7 @@ EXPECTATIONS = tuple(
 NAMES_CAUSE = {
     "scan": "scan|LiDAR|estimate",
     "image": "picture|image",
+    "camera": "picture",
     "depth": "epth",
     "estimate": "estimate",
     "relay": "dometry|base",

@@ -249,6 +249,12 @@ _PICTURE = {
     **_of((IMAGE,), picture_faults.SHAPES),
 }
 
+_PICTURE |= {
+    name: Fault((*_CAMERA, *_STEREO), silent)
+    for name in ("camera_start_hangs", "camera_start_fails")
+}
+"""The camera is off, and nobody answers who asks to start it, or says that it cannot be."""
+
 _DEPTH = {
     "depth_silent": Fault(_STEREO, silent),
     "depth_late_2": Fault(_STEREO, delay=2.0),
