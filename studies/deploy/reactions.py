@@ -16,7 +16,7 @@ from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.lidar.mounting import SEEN_THROUGH
 from cfnav_ros.lidar.scan_watch import GRAPH_S
 from cfnav_ros.robot.stamps import FUTURE_S
-from sim_bridge.faults.faults import DRIFT, FAULTS
+from sim_bridge.faults.faults import DRIFT, FAULTS, RESENT_S
 from sim_bridge.robot.base import BaseLimits
 from sim_bridge.robot.noise import NoiseLevels
 from sim_bridge.robot.own_motions import BACK_OFF_M, BACK_OFF_SPEED
@@ -98,6 +98,7 @@ LIMITS_S = {
     "base check": 0.5,
     "base": _BASE.command_timeout,
     "bumper": 2 * 0.05 + REFLEX_S,
+    "bumper resent": 0.05 + RESENT_S,
     "request": 0.1,
 }
 """Detection limits, s: ages, stall and tilt from the episode's limits; a scan's age from the LiDAR
@@ -110,8 +111,8 @@ what moves with the robot those that lie 0.2 s apart do not; a wrong mounting af
 the self-check wants; a slip is told when all of its window shows it, and what the base does by
 itself when it is over, each by the next odometry; the LiDAR node's look at the graph; the clock's
 grace and the period of its watch; the policy node's look at cmd_vel; the base's own time-out; two
-reports of the bumper and the base's reflex; a signal or a request is seen at the executor's next
-turn."""
+reports of the bumper and the base's reflex, or one that the middleware sends again; a signal or a
+request is seen at the executor's next turn."""
 
 
 LIMIT_CHANGED = {

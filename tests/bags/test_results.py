@@ -236,3 +236,11 @@ def test_pictures_of_a_film_are_small_jpegs_in_their_own_colours(seen, shown):
     (file,) = film.cut(drive).values()
     with Image.open(io.BytesIO(file), formats=["JPEG"]) as picture:
         assert np.abs(np.asarray(picture) - np.full((*shown, 3), (200.0, 90, 20))).max() <= 3
+
+
+@pytest.mark.parametrize("name", ["=cmd|'/c calc'!A1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])
+def test_a_bags_name_is_no_formula_in_a_table(name):
+    written = files([evaluation(name)])
+    told = {row["bag"] for file in (DRIVES, HEALTH) for row in rows(written[file])}
+    assert told == {"'" + name.replace("\r", "\n")}
+    assert json.loads(written[METRICS])["bags"][0]["name"] == name

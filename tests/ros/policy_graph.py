@@ -71,7 +71,8 @@ class Robot:
         self.node = Node(name, context=self.context, namespace=namespace)
         self.clock = 100_000_000_000 if clock else None
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
-        self.probability, self.clearance, self.bumping = 0.1, 2.0, False
+        self.probability, self.clearance = 0.1, 2.0
+        self.bumping, self.bump_told = False, None
         self.encoding, self.silent, self.count = "bgr8", set(), 0
         self.focal = 0.0  # pixels; 0 says nothing of the camera
         self.lock_step, self.free, self.answered, self.newest = lock_step, True, None, {}
@@ -94,7 +95,7 @@ class Robot:
             "image": node.create_publisher(Image, "oakd/rgb/preview/image_raw", 10),
             "camera": node.create_publisher(CameraInfo, "oakd/rgb/preview/camera_info", 10),
             "estimate": node.create_publisher(CollisionEstimate, "collision/estimate", 5),
-            "hazard": node.create_publisher(HazardDetectionVector, "hazard_detection", 5),
+            "hazard": node.create_publisher(HazardDetectionVector, "hazard_detection", told),
             "dock": node.create_publisher(DockStatus, "dock_status", latched),
             "wheels": node.create_publisher(WheelStatus, "wheel_status", latched),
         }
@@ -190,11 +191,13 @@ class Robot:
             estimate.header.stamp = stamp
             self._send("estimate", estimate)
             self.newest["scan"] = stamp
-        hazards = HazardDetectionVector()
-        hazards.header.stamp = stamp
-        if self.bumping:
-            hazards.detections = [HazardDetection(type=HazardDetection.BUMP)]
-        self._send("hazard", hazards)
+        if self.bumping is not self.bump_told:  # as firmware H.2.5 and later does
+            self.bump_told = self.bumping
+            hazards = HazardDetectionVector()
+            hazards.header.stamp = stamp
+            if self.bumping:
+                hazards.detections = [HazardDetection(type=HazardDetection.BUMP)]
+            self._send("hazard", hazards)
         if self.lock_step:
             self._send("moment", Moment(stamp=stamp, **self.newest))
 

@@ -32,6 +32,8 @@ what to bear in mind of it), ``notes``.
 by their names, actions by theirs, and ``agrees, p_driven``, ``p_*`` by action.
 
 ``health.csv``: ``bag, topic, kind, start, end`` (s from the bag's start), ``count, text, treated``.
+
+In the tables text that begins like a formula has a ``'`` before it.
 """
 
 from __future__ import annotations
@@ -211,8 +213,19 @@ def _table(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(map(_plain, rows))
+    writer.writerows({key: _cell(_plain(value)) for key, value in row.items()} for row in rows)
     return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """Text that a spreadsheet would take for a formula is marked as text, as OWASP has it.
+
+    A bag names itself, its drives and what became of them; whoever made it may be a stranger.
+    """
+    if not isinstance(value, str):
+        return value
+    value = value.replace("\r", "\n")  # the writer does not quote it, and a reader ends the row
+    return f"'{value}" if value.startswith(("=", "+", "-", "@", "\t", "\n")) else value
 
 
 def _plain(value: Any) -> Any:

@@ -204,7 +204,8 @@ def _age_complaint(t: float, inputs: SensorInputs, field_name: str, limit: float
     if t - made <= limit:
         return ""
     if t - arrived > limit:
-        return f"the newest {name} is {t - made:.2f} s old (limit {limit:g} s)"
+        cure = ": start the camera's driver again" if field_name == "frame" else ""
+        return f"the newest {name} is {t - made:.2f} s old (limit {limit:g} s){cure}"
     if stamp == 0:
         return f"the {name} arrives without a time, stamped 0: set it in its driver"
     return (

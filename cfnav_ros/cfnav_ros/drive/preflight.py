@@ -75,8 +75,8 @@ def explain_silence(
 class BaseCheck:
     """What is known of the base: ``fault`` forbids driving for good, ``waiting`` only so far.
 
-    ``type`` is the message type to send when neither is set; ``deaf`` says that nobody listens, or
-    that nobody knows yet who else drives: a robot on its way stops.
+    ``type`` is the message type to send when neither is set; ``deaf`` says that somebody who
+    must listen does not, or that nobody knows yet who else drives: a robot on its way stops.
     """
 
     type: str = ""
@@ -176,6 +176,24 @@ def check_mux(
     if any(mux.node == UNKNOWN_NODE for mux in muxes):
         return BaseCheck(waiting=f"A listener on {topic} has not said its name.")
     return _choose_type(topic, {mux.type for mux in muxes}, "auto")
+
+
+def check_recorder(
+    base: BaseCheck, topic: str, listeners: Sequence[Endpoint], matched: bool
+) -> BaseCheck:
+    """Let a base that may be driven wait for a recorder.
+
+    Args:
+        base: what is known of it otherwise.
+        topic: resolved name of its topic.
+        listeners: who listens there.
+        matched: whether all of them hear what is sent now.
+    """
+    recorded = any(listener.node in RECORDERS for listener in listeners)
+    if recorded and matched:
+        return base
+    # One that is gone stops a robot on its way; others that join are matched in a moment.
+    return BaseCheck(waiting=f"No recorder hears {topic}.", deaf=not recorded)
 
 
 def only_listens(node: str) -> bool:

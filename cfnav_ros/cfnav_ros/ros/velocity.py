@@ -19,11 +19,11 @@ from cfnav_core.robot.topics import STAMPED, UNSTAMPED, unstamped
 from cfnav_ros.drive.motion import STOP, Command
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import (
-    RECORDERS,
     BaseCheck,
     Endpoint,
     check_base,
     check_mux,
+    check_recorder,
     hidden,
 )
 from cfnav_ros.ros import conversions
@@ -114,8 +114,9 @@ class VelocityPublisher:
             base = check_mux(self.topic, listening, self._base_topic, drivers[self._base_topic])
         if base.ready:
             self._speak(base.type)
-            if settings.wait_for_recorder and not self._recorded():
-                base = BaseCheck(waiting=f"No recorder hears {self._base_topic}.")
+            if settings.wait_for_recorder:
+                listening = self._listening(self._base_topic)
+                base = check_recorder(base, self._base_topic, listening, self.matched)
         self._follow(publishers)
         return BaseCheck(fault=self._other_driver) if self._other_driver else base
 
@@ -140,10 +141,6 @@ class VelocityPublisher:
         names = [name for name, _ in self._node.get_topic_names_and_types()]
         alike = [name for name in names if name.rpartition("/")[2] == last]
         return [name for name in alike if self._node.count_subscribers(name)]
-
-    def _recorded(self) -> bool:
-        listeners = self._node.get_subscriptions_info_by_topic(self._base_topic)
-        return self.matched and any(info.node_name in RECORDERS for info in listeners)
 
     def _listening(self, topic: str) -> list[Endpoint]:
         infos = self._node.get_subscriptions_info_by_topic(topic)

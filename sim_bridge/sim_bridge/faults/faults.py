@@ -34,6 +34,9 @@ JUMPS_S = 4.0
 DRIFT = 0.5
 """s that the base's clock gains or loses in a second. A quartz takes hours for as much; what counts
 is the offset that is reached, and nobody watches a drive for hours."""
+RESENT_S = 3.0
+"""s until what was lost on the way is sent again, by the heartbeat of Fast DDS, to those who asked
+for reliable delivery; nobody else ever hears of it."""
 SLOW_PICTURES_HZ = 2.0
 LOST_COMMANDS = 0.3
 
@@ -246,6 +249,12 @@ _PICTURE = {
     **_of((IMAGE,), picture_faults.SHAPES),
 }
 
+_PICTURE |= {
+    name: Fault((*_CAMERA, *_STEREO), silent)
+    for name in ("camera_start_hangs", "camera_start_fails")
+}
+"""The camera is off, and nobody answers who asks to start it, or says that it cannot be."""
+
 _DEPTH = {
     "depth_silent": Fault(_STEREO, silent),
     "depth_late_2": Fault(_STEREO, delay=2.0),
@@ -292,7 +301,7 @@ _BASE = {
     "tilt_stuck": Fault(),
     "joints_silent": Fault((JOINTS,), silent),
     "hazards_silent": Fault((HAZARDS,), silent),
-    "hazards_lost_once": Fault((HAZARDS,), silent, lasts=1.0),
+    "hazards_lost_once": Fault((HAZARDS,), delay=RESENT_S),
     "hazards_rival": Fault(),
     "relay_hangs": Fault(RELAYED, silent),
     "wheels_silent": Fault((WHEELS,), silent),

@@ -169,7 +169,7 @@ class Simulator:
         The mast and the rear half have no bumper.
         """
         bearings = [c.bearing for c in self.collisions.contacts if c.part == "hull"]
-        stuck = [0.0] if "bumper_stuck" in self.faults else []
+        stuck = [0.0] if self.faults & {"bumper_stuck", "hazards_lost_once"} else []
         return stuck + [b for b in bearings if abs(b) <= math.pi / 2]
 
     def _rest(self) -> None:

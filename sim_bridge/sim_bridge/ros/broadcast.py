@@ -120,6 +120,7 @@ class Broadcast:
         t = self._simulator.time
         self.outbox.clear()
         self._sent.clear()
+        self._hazards = None  # what was under way told of them is gone
         self._restarted = t
         self._turn.restart(t)
         for every in self._schedule:

@@ -19,6 +19,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64
 from std_srvs.srv import Empty, Trigger
@@ -85,7 +86,8 @@ class RobotNode(Node):
         self._command_listeners: list[Subscription] = []
         self._faults: frozenset[str] = frozenset()
         # Subscriptions come and go in the executor's thread only.
-        self._changed = self.create_guard_condition(self._listen_to_commands)
+        self._changed = self.create_guard_condition(self._follow_faults)
+        self._start: Service | None = None
         # Put off by one turn of the executor, so that a command which was sent before an answer is
         # taken before it; a policy sends one of each kind a moment.
         self._answers: list[MomentDone] = []
@@ -132,10 +134,10 @@ class RobotNode(Node):
         for kind, name, part, on in (
             (Empty, "start_motor", "lidar", True),
             (Empty, "stop_motor", "lidar", False),
-            (Trigger, "oakd/start_camera", "camera", True),
             (Trigger, "oakd/stop_camera", "camera", False),
         ):
             serve(kind, name, partial(self._on_switch, part, on))
+        self._offer_start()
         if WHEELS in self._robot.topics:
             serve(EStop, "e_stop", self._on_e_stop)
         if DOCK in self._robot.topics:
@@ -149,10 +151,26 @@ class RobotNode(Node):
                 for name, kind in OWN_ACTIONS.items()
             ]  # fmt: skip
 
+    def _offer_start(self) -> None:
+        """Offer to start the camera, except while whoever asks shall get no answer.
+
+        A callback of rclpy cannot stay without an answer and leave the executor to others.
+        """
+        hangs = "camera_start_hangs" in self._faults
+        if hangs and self._start is not None:
+            self.destroy_service(self._start)
+            self._start = None
+        elif not hangs and self._start is None:
+            take = partial(self._on_switch, "camera", True)
+            self._start = self.create_service(Trigger, "oakd/start_camera", take)
+
     def _on_switch(self, part: str, on: bool, _: Any, response: Any) -> Any:
-        self._switch(part, on)
+        failed = part == "camera" and on and "camera_start_fails" in self._faults
+        if not failed:
+            self._switch(part, on)
         if isinstance(response, Trigger.Response):
-            response.success = True
+            response.success = not failed
+            response.message = "No device was found." if failed else ""
         return response
 
     def _on_e_stop(self, request: EStop.Request, response: EStop.Response) -> EStop.Response:
@@ -164,6 +182,10 @@ class RobotNode(Node):
         """Take the faults that hold from now on, names in ``faults.FAULTS``; in any thread."""
         self._faults = faults
         self._changed.trigger()
+
+    def _follow_faults(self) -> None:
+        self._listen_to_commands()
+        self._offer_start()
 
     def _listen_to_commands(self) -> None:
         """Subscribe to commands, as far as the faults leave it."""

@@ -59,7 +59,8 @@ def test_what_is_not_needed_may_be_missing():
 )
 def test_silent_late_and_future_inputs_are_told_apart(name, word, limit):
     silent = judge(inputs(**{name: 3.0}, arrived={name: T - 3.0}))
-    assert silent == f"The newest {word} is 3.00 s old (limit {limit} s)."
+    cure = ": start the camera's driver again" if name == "frame" else ""
+    assert silent == f"The newest {word} is 3.00 s old (limit {limit} s){cure}."
     late = judge(inputs(**{name: 3.0}))
     driver = "its driver read a wrong clock when it started: start the driver again"
     why = driver if name == "frame" else "the clock of its sender is not this computer's"
@@ -78,7 +79,7 @@ def test_a_stamp_ahead_does_not_keep_an_input_young(name):
     lead = {name: -0.4}
     assert judge(inputs(arrived={name: T - limit + 0.01}, **lead)) == ""
     silent = judge(inputs(arrived={name: T - limit - 0.01}, **lead))
-    assert silent.endswith(f"is {limit + 0.01:.2f} s old (limit {limit:g} s).")
+    assert f"is {limit + 0.01:.2f} s old (limit {limit:g} s)" in silent
 
 
 @pytest.mark.parametrize(("offset", "side"), [(12.3, "behind"), (-12.3, "ahead")])

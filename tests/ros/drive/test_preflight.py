@@ -11,6 +11,7 @@ from cfnav_ros.drive.preflight import (
     InputPublisher,
     check_base,
     check_mux,
+    check_recorder,
     explain_silence,
     hidden,
     relatives,
@@ -142,6 +143,15 @@ def test_a_multiplexer_is_driven_once_it_listens_and_publishes():
     assert unknown.waiting == "A listener on /cmd_vel_cfnav has not said its name."
     other = check([mux, Endpoint("other", UNSTAMPED)], publishers=["twist_mux"])
     assert "want different types" in other.fault
+
+
+def test_a_recorder_that_is_gone_stops_and_one_that_joins_does_not():
+    base, check = BaseCheck(STAMPED), partial(check_recorder, topic="/cmd_vel")
+    assert check(base, listeners=[MOCK, RECORDER], matched=True) is base
+    gone = check(base, listeners=[MOCK], matched=True)
+    assert (gone.waiting, gone.deaf) == ("No recorder hears /cmd_vel.", True)
+    joins = check(base, listeners=[MOCK, RECORDER], matched=False)
+    assert (joins.waiting, joins.deaf) == ("No recorder hears /cmd_vel.", False)
 
 
 NAV2 = ("collision_monitor", "docking_server")

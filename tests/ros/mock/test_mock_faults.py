@@ -15,6 +15,7 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup
 from cfnav_interfaces.srv import SetFault, StartEpisode  # noqa: E402
 from cfnav_ros.process.domains import Domain  # noqa: E402
 from sim_bridge.robot.rplidar import SCAN_PERIOD  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
 from tests.ros.mock_listener import ROOM, Listener, seconds, start_mock  # noqa: E402
 
@@ -236,3 +237,25 @@ def test_bumper_that_sticks_is_reported_without_a_collision(robot, fault):
     robot.wait(robot.bumps, "a bump")
     assert robot.bumps() == ["bump_front_center"]
     assert robot.truth.collisions == 0
+
+
+@pytest.mark.parametrize("name", ["camera_start_hangs", "camera_start_fails"])
+def test_camera_that_cannot_be_started_sends_nothing_until_it_is_mended(robot, fault, name):
+    picture, start = "oakd/rgb/preview/image_raw", Trigger.Request()
+    client = robot.node.create_client(Trigger, "oakd/start_camera")
+    robot.wait(client.service_is_ready, "the service of the camera")
+    began = fault(name)
+    answer = client.call_async(start)
+    robot.wait_for(1.0)
+    if name.endswith("hangs"):
+        assert not answer.done()
+    else:
+        robot.wait(answer.done, "an answer")
+        told = answer.result()
+        assert (told.success, told.message) == (False, "No device was found.")
+    ended = mend_all(robot)
+    robot.wait(client.service_is_ready, "the service of the camera again")
+    answer = client.call_async(start)
+    robot.wait(answer.done, "an answer")
+    assert answer.result().success
+    assert seconds(after(robot, picture, began)[0].header.stamp) >= ended - 0.01

@@ -13,6 +13,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from action_msgs.msg import GoalStatus  # noqa: E402
+from cfnav_interfaces.action import NavigateToObject  # noqa: E402
 from cfnav_interfaces.msg import EpisodeStatus  # noqa: E402
 from cfnav_ros.drive.fields import stamp_to_ns  # noqa: E402
 from cfnav_ros.ros.conversions import image_to_rgb  # noqa: E402
@@ -195,6 +196,21 @@ def test_cancel_preempt_and_time_limit(graph, make_bundle):
         assert (status, result.outcome) == (GoalStatus.STATUS_ABORTED, "preempted")
     status, result = robot.result(third)
     assert (result.outcome, result.message) == ("time_limit", "3 s have passed.")
+    robot.wait(lambda: standing(robot), "the robot to stand")
+
+
+def test_a_flood_of_goals_leaves_one_that_is_served(graph, make_bundle):
+    """One is served and one waits; of the others a client hears little, as services keep ten."""
+    robot, _, _ = graph(make_bundle("MoveAhead"))
+    first = robot.send()[1]
+    robot.wait_driving()
+    for _ in range(1000):
+        robot.client.send_goal_async(NavigateToObject.Goal(goal="Mug"))
+    last = robot.send("Laptop", max_steps=1)[1]
+    _, result = robot.result(first)
+    assert result.outcome == "preempted", result.message
+    _, result = robot.result(last)
+    assert (result.outcome, result.steps) == ("step_limit", 1), result.message
     robot.wait(lambda: standing(robot), "the robot to stand")
 
 

@@ -97,7 +97,7 @@ def test_a_joystick_that_speaks_ends_the_episode_and_its_silence_does_not(graph,
     joystick.destroy_node()
 
 
-def test_a_drive_to_be_recorded_waits_for_its_recorder(graph, make_bundle):
+def test_a_drive_to_be_recorded_needs_its_recorder_from_begin_to_end(graph, make_bundle):
     waits = ("wait_for_recorder:=true", "episode.preflight_timeout:=4.0")
     robot, _, _ = graph(make_bundle("MoveAhead"), *waits)
     _, result = robot.result(robot.send(max_steps=1)[1])
@@ -108,7 +108,10 @@ def test_a_drive_to_be_recorded_waits_for_its_recorder(graph, make_bundle):
     robot.wait(lambda: robot.node.count_subscribers("cmd_vel") == 2, "the recorder")
     _, result = robot.result(robot.send(max_steps=1)[1])
     assert result.outcome == "step_limit", result.message
-    recorder.destroy_node()
+    future = robot.send()[1]
+    robot.wait_driving()
+    recorder.destroy_node()  # it died, of a full disk perhaps
+    assert stops(robot, future) == "No recorder hears /cmd_vel."
 
 
 def test_pictures_of_another_type_are_named(graph, make_bundle):
