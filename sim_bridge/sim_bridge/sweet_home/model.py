@@ -74,6 +74,11 @@ class Model:
     boxes: tuple[Box, ...]
 
     @property
+    def transparent(self) -> bool:
+        """Whether something shows through a part of it."""
+        return any(mesh.transparent for mesh in self.meshes)
+
+    @property
     def triangles(self) -> np.ndarray:
         """float64 [T, 3, 3]: the corners of all triangles, metres."""
         return triangles_of(self.meshes)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_bridge.room.parts import Frame
 from sim_bridge.sweet_home.model import Mesh, Model
-from sim_bridge.world.world import TOUCH_ONLY, VISIBLE_MESH
+from sim_bridge.world.groups import TOUCH_ONLY, VISIBLE_MESH
 
 import mujoco as mj  # isort: skip
 
