@@ -110,11 +110,16 @@ def floor_picture(b: Builder, pattern: Texture) -> Texture:
     )  # fmt: skip
     image = pattern[index[:, None], index[None]] / 255.0 * np.asarray(tint)
     h, w = (min(n, math.ceil(side * scale)) for side in (b.depth, b.width))
-    light = np.ones((h, w))
+    light, under_models = np.ones((h, w)), np.ones((h, w))
     for part in b.parts:
         z_low = part.centre[2] - part.half[2]
         if part.solid and z_low <= 0.5 and part.half[2] <= 1.2:
-            _shade(light, part, z_low, scale)
+            window, shade = _shade(light.shape, part, z_low, scale)
+            if part.visible:
+                light[window] *= shade
+            else:  # the boxes of one model lie side by side and throw one shadow
+                under_models[window] = np.minimum(under_models[window], shade)
+    light *= under_models
     y, x = (np.arange(h) / scale)[:, None], (np.arange(w) / scale)[None]
     edge = np.minimum(np.minimum(x, b.width - x), np.minimum(y, b.depth - y))
     light *= 1 - 0.22 * np.exp(-np.maximum(edge, 0) / 0.12)
@@ -122,16 +127,28 @@ def floor_picture(b: Builder, pattern: Texture) -> Texture:
     return (shaded[::-1] * 255).astype(np.uint8)
 
 
-def _shade(light: np.ndarray, part: Part, z_low: float, scale: float) -> None:
-    """Darken the floor under and beside one part; softer and wider the higher it hangs."""
+def _shade(
+    shape: tuple[int, int], part: Part, z_low: float, scale: float
+) -> tuple[tuple[slice, slice], np.ndarray]:
+    """How dark the floor is under and beside one part; softer and wider the higher it hangs.
+
+    Args:
+        shape: of the floor's picture.
+        part: above it.
+        z_low: height of its underside, metres.
+        scale: pixels a metre.
+
+    Returns:
+        Rows and columns of the picture, and the share of light that is left in them.
+    """
     reach, depth = 0.06 + 0.3 * z_low, 0.5 * (1 - z_low / 0.6)
     radius = math.hypot(part.half[0], part.half[1]) + 2.5 * reach
     x0, y0 = (max(0, int((part.centre[i] - radius) * scale)) for i in (0, 1))
     x1, y1 = (max(0, int((part.centre[i] + radius) * scale) + 1) for i in (0, 1))
-    window = light[y0:y1, x0:x1]
-    dy = ((np.arange(window.shape[0]) + y0) / scale - part.centre[1])[:, None]
-    dx = ((np.arange(window.shape[1]) + x0) / scale - part.centre[0])[None]
+    y1, x1 = min(y1, shape[0]), min(x1, shape[1])
+    dy = (np.arange(y0, y1) / scale - part.centre[1])[:, None]
+    dx = (np.arange(x0, x1) / scale - part.centre[0])[None]
     c, s = math.cos(part.yaw), math.sin(part.yaw)
     u, v = np.abs(c * dx + s * dy), np.abs(c * dy - s * dx)
     distance = np.hypot(np.maximum(u - part.half[0], 0), np.maximum(v - part.half[1], 0))
-    window *= 1 - depth * np.exp(-((distance / reach) ** 2))
+    return (slice(y0, y1), slice(x0, x1)), 1 - depth * np.exp(-((distance / reach) ** 2))
