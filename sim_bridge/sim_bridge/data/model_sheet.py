@@ -120,7 +120,7 @@ def draw(model: Model, side: int) -> np.ndarray:
         castshadow=False,
     )  # fmt: skip
     _add_surroundings(spec, 3 * radius)
-    add_model(spec, model, Frame(0, 0), solid=False)
+    add_model(spec, model, Frame(0, 0))
     compiled = spec.compile()
     compiled.vis.global_.fovy = FOV_DEG
     data = mj.MjData(compiled)
