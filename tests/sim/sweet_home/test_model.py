@@ -12,6 +12,7 @@ from sim_bridge.sweet_home.catalogue import SweetHomeError, catalogue
 from sim_bridge.sweet_home.model import TEXTURE_SIDE, build, picture
 
 from tests.sim.sweet_home.conftest import BOARD, BOARD_MTL, board_files, png, quarters
+from tests.sim.test_versions import Fingerprint
 
 
 def built(furnish, entry=None, **files):
@@ -224,3 +225,10 @@ def test_without_a_place_for_the_cache_models_are_read_each_time(furnish, builds
     entry = catalogue()["Test#board"]
     same(load(entry), load(entry))
     assert len(builds) == 2
+
+
+def test_the_version_holds(furnish):
+    """When this fails, either the change is a mistake or the version must rise with it."""
+    made = Fingerprint(built(furnish, {"width": "140", "depth": "70", "height": "75"}))
+    assert (cache.MODELS_VERSION, made.hash) == (1, "d024433eb887")
+    assert made.sums == pytest.approx((25.250819, 280.47847), rel=1e-6)

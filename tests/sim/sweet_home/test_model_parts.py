@@ -93,7 +93,7 @@ def test_the_command_draws_what_is_asked_for(furnish, tmp_path, capsys):
     out = tmp_path / "out"
     assert ModelOptions(out, "BOARD").run_command() == DONE
     assert capsys.readouterr().out == f"1 models on 1 pages in {out}\n"
-    assert cv2.imread(str(out / "page_001.png")).shape == (1100, 1320, 3)
+    assert cv2.imread(str(out / "page_001.png")).shape == (220, 1320, 3)
     assert ModelOptions(out).run_command() == PARTLY
     first, last = capsys.readouterr().out.splitlines()
     assert "there is no test/lost.obj" in first
