@@ -96,11 +96,12 @@ def contact_sheet(models: Iterable[Model], columns: int = COLUMNS, rows: int = R
         side: pixels of a tile, either way.
 
     Yields:
-        Pages, uint8 [rows * side, columns * side, 3].
+        Pages, uint8 [rows * side, columns * side, 3]; the last with as many rows as it needs.
     """
     left = iter(models)
     while some := list(islice(left, columns * rows)):
-        page = np.full((rows * side, columns * side, 3), 255, np.uint8)
+        needed = math.ceil(len(some) / columns)
+        page = np.full((needed * side, columns * side, 3), 255, np.uint8)
         for k, model in enumerate(some):
             y, x = k // columns * side, k % columns * side
             page[y : y + side, x : x + side] = labelled(draw(model, side), model)
@@ -120,7 +121,7 @@ def draw(model: Model, side: int) -> np.ndarray:
         castshadow=False,
     )  # fmt: skip
     _add_surroundings(spec, 3 * radius)
-    add_model(spec, model, Frame(0, 0), solid=False)
+    add_model(spec, model, Frame(0, 0))
     compiled = spec.compile()
     compiled.vis.global_.fovy = FOV_DEG
     data = mj.MjData(compiled)

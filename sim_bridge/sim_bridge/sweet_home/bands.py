@@ -2,11 +2,11 @@
 
 The robot is a cylinder from the floor to 0.351 m and a thin mast above it, so all that matters is
 where something is within each of those heights, and in the thin band that the LiDAR sees. Each band
-is a plan of 2 cm cells; what lies wholly enclosed is filled, as a sofa's skin is no place to stand;
-neighbouring cells become one box, which ends where the samples in it end.
+is a plan of 2 cm cells: what is wholly enclosed is filled, as a sofa's skin is no place to stand,
+and neighbouring cells become one box, which ends where the samples in it end.
 
-A finding of the hull's free places under tables with these boxes and with the samples themselves is
-in ``tests/sim/sweet_home``.
+The hull fits wherever it does by these boxes; by the surface itself on up to 0.04 of a footprint
+more (see ``tests/sim/sweet_home/test_bands.py``). A piece has some 20 to 160 boxes.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ BANDS = ((0.01, 0.183), (0.183, 0.203), (0.203, 0.351), (0.351, 1.33))
 PLANE = 1
 """Index of the LiDAR's band: its boxes fill it, so that the plane cuts them."""
 CELL_M = 0.02
-STEP_M = 0.2
-"""Things whose bottoms lie that far apart within a band do not share a box: a table's leg and top.
-"""
+HANGING_M = 0.2
+"""What begins that far above the bottom of its band shares no box with what does not: a table's top
+with its legs."""
 SMALL_M = 0.3
 """What is nowhere wider gets one box a band."""
 SAMPLES_A_CELL = 8
 MOST_SAMPLES = 400_000
+THINNEST_M = 0.001
+"""Half the least thickness of a box."""
 SEED = 0
 
 
@@ -62,54 +64,52 @@ def samples(triangles: np.ndarray) -> np.ndarray:
     return a[at] + u * (b - a)[at] + v * (c - a)[at]
 
 
-def boxes(triangles: np.ndarray, z: float = 0.0) -> Iterator[Box]:
+def boxes(triangles: np.ndarray, z: float = 0.0) -> list[Box]:
     """The boxes of a model.
 
     Args:
         triangles: float64 [T, 3, 3], corners in the model's frame, metres.
-        z: height of the model's bottom above the floor, metres; above the mast there are none.
+        z: height of the model's bottom above the floor, metres; above the mast it has none.
+
+    Returns:
+        Boxes in the model's frame.
     """
     if z >= BANDS[-1][1]:
-        return
-    points = samples(triangles)
+        return []
+    points, found = samples(triangles), []
     small = np.ptp(points[:, :2], axis=0).max() < SMALL_M
     for i, (low, high) in enumerate(BANDS):
         within = points[(points[:, 2] + z > low) & (points[:, 2] + z < high)]
         if not len(within):
             continue
-        found = [_around(within)] if small else list(_plan_boxes(within, low - z))
-        for bottom, top in found:
+        ends = [(within.min(0), within.max(0))] if small else _plan(within, low - z)
+        for bottom, top in ends:
             if i == PLANE:
                 bottom[2], top[2] = low - z, high - z
             x, y, up = ((bottom + top) / 2).tolist()
-            p, q, r = np.maximum((top - bottom) / 2, 1e-3).tolist()
-            yield Box((x, y, up), (p, q, r))
+            p, q, r = np.maximum((top - bottom) / 2, THINNEST_M).tolist()
+            found.append(Box((x, y, up), (p, q, r)))
+    return found
 
 
-Corners = tuple[np.ndarray, np.ndarray]
-"""Lowest and highest corner, float64 [3], metres."""
-
-
-def _around(points: np.ndarray) -> Corners:
-    return points.min(0), points.max(0)
-
-
-def _plan_boxes(points: np.ndarray, floor: float) -> Iterator[Corners]:
-    """Boxes of one band whose bottom is at ``floor`` (m in the model's frame)."""
-    start = points[:, :2].min(0)
+def _plan(points: np.ndarray, floor: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Lowest and highest corners, float64 [3], of the boxes of a band that begins at ``floor``."""
+    # surfaces of round sizes would lie between cells, in one or the other
+    start = points[:, :2].min(0) - 0.37 * CELL_M
     cells = ((points[:, :2] - start) / CELL_M).astype(int)
     shape = tuple(cells.max(0) + 1)
     low, high = np.full((*shape, 3), np.inf), np.full((*shape, 3), -np.inf)
-    where = tuple(cells.T)
-    np.minimum.at(low, where, points)
-    np.maximum.at(high, where, points)
+    np.minimum.at(low, tuple(cells.T), points)
+    np.maximum.at(high, tuple(cells.T), points)
     taken = np.isfinite(low[..., 0])
-    enclosed = ndimage.binary_fill_holes(taken) & ~taken
+    filled = ndimage.binary_fill_holes(taken) & ~taken
     corner = start + np.moveaxis(np.indices(shape), 0, -1) * CELL_M
-    low[enclosed, :2], high[enclosed, :2] = corner[enclosed], corner[enclosed] + CELL_M
-    low[enclosed, 2], high[enclosed, 2] = points[:, 2].min(), points[:, 2].max()
-    step = np.where(taken | enclosed, ((low[..., 2] - floor) / STEP_M), -1).astype(int)
-    for rows, columns in rectangles(step):
+    low[filled, :2], high[filled, :2] = corner[filled], corner[filled] + CELL_M
+    low[filled, 2], high[filled, 2] = points[:, 2].min(), points[:, 2].max()
+    # what hangs inside a ring of what does not is the top of something hollow
+    standing = ndimage.binary_fill_holes(low[..., 2] <= floor + HANGING_M)
+    kinds = np.where(standing, 0, np.where(taken | filled, 1, -1))
+    for rows, columns in rectangles(kinds):
         yield low[rows, columns].min((0, 1)), high[rows, columns].max((0, 1))
 
 
@@ -118,18 +118,24 @@ def rectangles(kinds: np.ndarray) -> Iterator[tuple[slice, slice]]:
 
     Args:
         kinds: int [H, W], -1 where nothing is.
+
+    Yields:
+        Rows and columns of each; every one as large as it gets along either axis first.
     """
     left = kinds.copy()
     for i, j in np.argwhere(kinds >= 0):
-        kind = left[i, j]
-        if kind < 0:
+        if left[i, j] < 0:
             continue
-        width = _run(left[i, j:] == kind)
-        height = _run((left[i:, j : j + width] == kind).all(1))
+        same = left[i:, j:] == left[i, j]
+        wide = _run(same[0])
+        flat = _run(same[:, :wide].all(1)), wide
+        tall = _run(same[:, 0])
+        upright = tall, _run(same[:tall].all(0))
+        height, width = max(flat, upright, key=lambda size: size[0] * size[1])
         left[i : i + height, j : j + width] = -1
         yield slice(i, i + height), slice(j, j + width)
 
 
 def _run(same: np.ndarray) -> int:
     """How many of the first are true."""
-    return int(same.argmin()) if not same.all() else len(same)
+    return len(same) if same.all() else int(same.argmin())

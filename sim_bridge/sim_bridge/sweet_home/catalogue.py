@@ -6,6 +6,7 @@ Read are the four archives of things in rooms, not the one of people.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import zipfile
@@ -121,7 +122,10 @@ def _unescaped(value: str) -> str:
 
 
 def _metres(centimetres: str) -> float:
-    return round(float(centimetres) / 100, 6)
+    metres = round(float(centimetres) / 100, 6)
+    if not math.isfinite(metres):
+        raise ValueError(f"{centimetres} is no length")
+    return metres
 
 
 def _entry(row: Mapping[str, str], licence: str, archive: Path) -> Entry:
@@ -130,7 +134,7 @@ def _entry(row: Mapping[str, str], licence: str, archive: Path) -> Entry:
         width, depth, height = (_metres(row[side]) for side in ("width", "depth", "height"))
         top = _metres(row["dropOnTopElevation"]) if "dropOnTopElevation" in row else height
         turn = [float(number) for number in row.get("modelRotation", "").split()]
-        if min(width, depth, height) <= 0 or len(turn) not in (0, 9):
+        if not min(width, depth, height) > 0 or len(turn) not in (0, 9):
             raise ValueError("it has no size or no 3x3 rotation")
         return Entry(
             row["id"], row["name"], row.get("category", ""), (width, depth, height),

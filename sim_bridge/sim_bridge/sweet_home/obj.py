@@ -104,7 +104,10 @@ def _corner(word: str, counts: Corner) -> Corner:
 def _numbers(rows: Sequence[Sequence[str]], columns: int) -> np.ndarray:
     """float64 [N, columns]; a row that is too short ends with zeros."""
     padded = [(*row, *("0",) * columns)[:columns] for row in rows]
-    return np.array(padded, float).reshape(-1, columns)
+    numbers = np.array(padded, float).reshape(-1, columns)
+    if not np.isfinite(numbers).all():
+        raise ValueError("found a vertex, coordinate or normal that is not a number")
+    return numbers
 
 
 def read_materials(text: str) -> dict[str, Material]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from sim_bridge.room.parts import Frame
+from sim_bridge.sweet_home.bands import Box
 from sim_bridge.sweet_home.model import Mesh, Model
 from sim_bridge.world.groups import TOUCH_ONLY, VISIBLE_MESH
 
@@ -14,16 +16,21 @@ import mujoco as mj  # isort: skip
 
 GLOSS = 0.5
 """Of the highlights that modellers set for other lights than MuJoCo's."""
+FEWEST_VERTICES = 4
+"""Of a mesh in MuJoCo; a triangle repeats one."""
+BLENDED = 0.99
+"""Alpha from which MuJoCo's renderer looks at that of a texture; with 1 it does not."""
 
 
-def add_model(spec: mj.MjSpec, model: Model, frame: Frame, solid: bool = True) -> int:
+def add_model(spec: mj.MjSpec, model: Model, frame: Frame, boxes: Collection[Box] = ()) -> int:
     """Put a model into a room; the same model twice shares meshes, materials and textures.
 
     Args:
         spec: of the room.
         model: what to put there.
         frame: where its own frame's origin is.
-        solid: whether its boxes stop robot and laser; its meshes never do.
+        boxes: what stops robot and laser, in the model's frame: ``model.boxes`` where it stands at
+            its own elevation, those of ``sweet_home.bands.boxes`` elsewhere. Meshes stop nothing.
 
     Returns:
         How many geoms were added to the world body.
@@ -40,7 +47,6 @@ def add_model(spec: mj.MjSpec, model: Model, frame: Frame, solid: bool = True) -
             **pose, type=mj.mjtGeom.mjGEOM_MESH, meshname=name, material=name, contype=0,
             conaffinity=0, group=VISIBLE_MESH,
         )  # fmt: skip
-    boxes = model.boxes if solid else ()
     for box in boxes:
         at = frame.at(*box.centre)
         spec.worldbody.add_geom(
@@ -52,23 +58,27 @@ def add_model(spec: mj.MjSpec, model: Model, frame: Frame, solid: bool = True) -
 
 def _add_mesh(spec: mj.MjSpec, name: str, mesh: Mesh) -> None:
     """The mesh and its material, both of this name, and the material's texture."""
+    count = len(mesh.vertices)
+    rows = np.resize(np.arange(count), max(count, FEWEST_VERTICES))
     added = spec.add_mesh(name=name, inertia=mj.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-    added.uservert = mesh.vertices.ravel().tolist()
+    added.uservert = mesh.vertices[rows].ravel().tolist()
     added.userface = mesh.faces.ravel().tolist()
     if mesh.normals is not None:
-        added.usernormal = mesh.normals.ravel().tolist()
+        added.usernormal = mesh.normals[rows].ravel().tolist()
+    *colour, alpha = mesh.colour
     material = spec.add_material(
-        name=name, rgba=mesh.colour, specular=GLOSS * mesh.specular, shininess=mesh.shininess
-    )
+        name=name, rgba=(*colour, min(alpha, BLENDED) if mesh.transparent else alpha),
+        specular=GLOSS * mesh.specular, shininess=mesh.shininess,
+    )  # fmt: skip
     if mesh.texture is None or mesh.uv is None:
         return
-    added.usertexcoord = mesh.uv.ravel().tolist()
+    added.usertexcoord = mesh.uv[rows].ravel().tolist()
     height, width, channels = mesh.texture.shape
     texture = spec.add_texture(
         name=name, type=mj.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=channels
     )
     texture.data = np.ascontiguousarray(mesh.texture).tobytes()
-    roles = mj.mjtTextureRole
+    # also of four channels: MuJoCo's renderer does not look at the role RGBA
     textures = list(material.textures)
-    textures[roles.mjTEXROLE_RGBA if channels == 4 else roles.mjTEXROLE_RGB] = name
+    textures[mj.mjtTextureRole.mjTEXROLE_RGB] = name
     material.textures = textures
