@@ -1,4 +1,4 @@
-"""Which model plays which part in a room: ``models.yaml``, and which models only test rooms have."""
+"""Which model plays which part in a room (``models.yaml``), and which only test rooms have."""
 
 from __future__ import annotations
 
