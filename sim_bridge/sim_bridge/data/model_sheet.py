@@ -11,15 +11,13 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
-import cv2
 import numpy as np
 from tqdm import tqdm
 
 from cfnav_core.command import DONE, PARTLY
-from cfnav_core.files.whole import write_file
+from sim_bridge.data.pages import labelled, on_pages, write_pages
 from sim_bridge.room.parts import Frame
 from sim_bridge.sweet_home.cache import load
 from sim_bridge.sweet_home.catalogue import SweetHomeError, catalogue
@@ -76,11 +74,7 @@ class ModelOptions:
                 except SweetHomeError as error:
                     left_out.append(str(error))
 
-        pages = 0
-        for pages, page in enumerate(contact_sheet(models()), 1):
-            done, png = cv2.imencode(".png", page[..., ::-1])
-            assert done
-            write_file(self.out / f"page_{pages:03}.png", png.tobytes())
+        pages = write_pages(contact_sheet(models()), self.out)
         print(*left_out, sep="\n", end="\n" if left_out else "")
         print(f"{len(entries) - len(left_out)} models on {pages} pages in {self.out}")
         return PARTLY if left_out else DONE
@@ -95,17 +89,11 @@ def contact_sheet(models: Iterable[Model], columns: int = COLUMNS, rows: int = R
         columns, rows: of a page.
         side: pixels of a tile, either way.
 
-    Yields:
+    Returns:
         Pages, uint8 [rows * side, columns * side, 3]; the last with as many rows as it needs.
     """
-    left = iter(models)
-    while some := list(islice(left, columns * rows)):
-        needed = math.ceil(len(some) / columns)
-        page = np.full((needed * side, columns * side, 3), 255, np.uint8)
-        for k, model in enumerate(some):
-            y, x = k // columns * side, k % columns * side
-            page[y : y + side, x : x + side] = labelled(draw(model, side), model)
-        yield page
+    tiles = (labelled(draw(model, side), *_lines(model)) for model in models)
+    return on_pages(tiles, columns, rows)
 
 
 def draw(model: Model, side: int) -> np.ndarray:
@@ -156,11 +144,6 @@ def _add_surroundings(spec: mj.MjSpec, half: float) -> None:
     )
 
 
-def labelled(tile: np.ndarray, model: Model) -> np.ndarray:
-    """The same with id and size written below."""
-    size = " x ".join(f"{100 * side:.0f}" for side in model.size)
-    out = np.ascontiguousarray(tile)
-    for line, text in enumerate((model.id, f"{size} cm")):
-        at = (4, out.shape[0] - 18 + 13 * line)
-        cv2.putText(out, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 1, cv2.LINE_AA)
-    return out
+def _lines(model: Model) -> tuple[str, str]:
+    """Id and size."""
+    return model.id, " x ".join(f"{100 * side:.0f}" for side in model.size) + " cm"

@@ -3,11 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from sim_bridge.room import fixtures as fx
 from sim_bridge.room import furniture as fu
 from sim_bridge.room import objects as ob
-from sim_bridge.room.parts import Builder
+from sim_bridge.room.parts import Builder, Colour
+from sim_bridge.room.shell import ceiling_light, floor_picture, shell
+from sim_bridge.room.textures import TEXTURES, Texture
+
+
+@dataclass(frozen=True)
+class Look:
+    """How the surfaces of a room look.
+
+    Attributes:
+        textures: uint8 [N, M, 3] by name.
+        lights: position (m) and colour of each lamp.
+        ambient: 0..1, strength of the undirected light.
+    """
+
+    textures: dict[str, Texture]
+    lights: tuple[tuple[tuple[float, float, float], Colour], ...]
+    ambient: float
+
+
+def make(b: Builder, room_type: str) -> Look:
+    """Build and furnish a room."""
+    floor = shell(b)
+    furnish(b, room_type)
+    textures = {name: make(b.rng) for name, make in TEXTURES.items() if name != "picture"}
+    textures |= {f"picture{i}": TEXTURES["picture"](b.rng) for i in range(3)}
+    textures["floor"] = floor_picture(b, textures[floor])
+    lights = tuple(ceiling_light(b) for _ in range(2))
+    return Look(textures, lights, float(b.rng.uniform(0.5, 0.7)))
 
 
 def furnish(b: Builder, room_type: str) -> None:

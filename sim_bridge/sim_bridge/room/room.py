@@ -14,8 +14,8 @@ from cfnav_core.task.rooms import SWEET_HOME, furniture_of, parse_room, split_of
 from cfnav_core.task.vocabulary import CATEGORY_ID
 from sim_bridge.room import built_in, sweet_home
 from sim_bridge.room.parts import Builder, Colour, Part, Placed, RoomObject
-from sim_bridge.room.shell import ceiling_light, finish, floor_picture, shell
-from sim_bridge.room.textures import TEXTURES, Texture
+from sim_bridge.room.shell import finish
+from sim_bridge.room.textures import Texture
 
 ROOMS_VERSION = 1
 """Rises when a seed's room, its grid or its pictures come out otherwise; a test holds it."""
@@ -89,16 +89,10 @@ def generate_room(kind: str, seed: int) -> Room:
     b = Builder(rng, float(rng.uniform(wl, wh)), float(rng.uniform(dl, dh)))
     b.wood_tones = [finish(rng) for _ in range(3)]
     if furniture_of(kind) == SWEET_HOME:
-        floor = sweet_home.shell(b, room_type)
-        sweet_home.furnish(b, room_type, held_out=split_of("worlds", seed) == "test")
+        look = sweet_home.make(b, room_type, held_out=split_of("worlds", seed) == "test")
     else:
-        floor = shell(b)
-        built_in.furnish(b, room_type)
-    textures = {name: make(rng) for name, make in TEXTURES.items() if name != "picture"}
-    textures |= {f"picture{i}": TEXTURES["picture"](rng) for i in range(3)}
-    textures["floor"] = floor_picture(b, textures[floor])
-    lights = tuple(ceiling_light(b) for _ in range(2))
+        look = built_in.make(b, room_type)
     return Room(
-        kind, seed, b.width, b.depth, tuple(b.parts), tuple(b.placed), tuple(b.objects), textures,
-        float(rng.uniform(0.5, 0.7)), lights,
+        kind, seed, b.width, b.depth, tuple(b.parts), tuple(b.placed), tuple(b.objects),
+        look.textures, look.ambient, look.lights,
     )  # fmt: skip

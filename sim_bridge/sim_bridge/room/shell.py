@@ -40,13 +40,11 @@ def shell(b: Builder) -> str:
     return str(b.rng.choice(["planks", "planks", "tile", "checker", "carpet"]))
 
 
-def walls(b: Builder, tiled: bool = False) -> None:
-    """Floor, ceiling, walls that are painted, papered or tiled, and skirting."""
+def walls(b: Builder) -> None:
+    """Floor, ceiling, walls that are painted or papered, and skirting."""
     rng, w, d, h = b.rng, b.width, b.depth, WALL_HEIGHT
     wall = hsv(float(rng.random()), float(rng.uniform(0, 0.25)), float(rng.uniform(0.72, 0.97)))
     paper = "wallpaper" if b.chance(0.25) else "paint"
-    if tiled:
-        paper = "tile"
     skirting = hsv(0.1, 0.1, float(rng.uniform(0.4, 1.0)))
     room = Frame(0, 0)
     b.add(b.new("Floor"), "box", room, (w / 2, d / 2, -0.05), (w / 2, d / 2, 0.05), (1, 1, 1),
@@ -110,6 +108,23 @@ def floor_picture(b: Builder, pattern: Texture) -> Texture:
     )  # fmt: skip
     image = pattern[index[:, None], index[None]] / 255.0 * np.asarray(tint)
     h, w = (min(n, math.ceil(side * scale)) for side in (b.depth, b.width))
+    light = np.maximum(floor_light(b, (h, w), scale), 0.35)
+    shaded = np.clip(image[:h, :w] * light[..., None], 0, 1)
+    return (shaded[::-1] * 255).astype(np.uint8)
+
+
+def floor_light(b: Builder, shape: tuple[int, int], scale: float) -> np.ndarray:
+    """What share of the light furniture and walls leave on the floor.
+
+    Args:
+        b: the furnished room.
+        shape: of the picture, pixels; rows along y.
+        scale: pixels a metre.
+
+    Returns:
+        float64 [H, W], 0..1.
+    """
+    h, w = shape
     light, under_models = np.ones((h, w)), np.ones((h, w))
     for part in b.parts:
         z_low = part.centre[2] - part.half[2]
@@ -123,8 +138,7 @@ def floor_picture(b: Builder, pattern: Texture) -> Texture:
     y, x = (np.arange(h) / scale)[:, None], (np.arange(w) / scale)[None]
     edge = np.minimum(np.minimum(x, b.width - x), np.minimum(y, b.depth - y))
     light *= 1 - 0.22 * np.exp(-np.maximum(edge, 0) / 0.12)
-    shaded = np.clip(image[:h, :w] * np.maximum(light, 0.35)[..., None], 0, 1)
-    return (shaded[::-1] * 255).astype(np.uint8)
+    return light
 
 
 def _shade(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import posixpath
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -30,9 +30,10 @@ SMALLEST_AREA_M2 = 1e-12
 
 @dataclass(frozen=True)
 class Mesh:
-    """All triangles of one material.
+    """All triangles of one material, or those of it that belong to an object of a name.
 
     Attributes:
+        name: of the object or material that was to stay apart, else "".
         vertices: float32 [N, 3], metres in the model's frame.
         faces: int32 [F, 3], counter-clockwise seen from outside.
         uv: float32 [N, 2], (0, 0) the top left of the texture, which repeats; None without one.
@@ -42,6 +43,7 @@ class Mesh:
         specular, shininess: 0..1.
     """
 
+    name: str
     vertices: np.ndarray
     faces: np.ndarray
     uv: np.ndarray | None
@@ -89,8 +91,12 @@ def triangles_of(meshes: tuple[Mesh, ...]) -> np.ndarray:
     return np.concatenate([mesh.vertices[mesh.faces].astype(float) for mesh in meshes])
 
 
-def build(entry: Entry) -> Model:
+def build(entry: Entry, apart: Collection[str] = ()) -> Model:
     """Read a model from its archive.
+
+    Args:
+        entry: of the model.
+        apart: names of objects or materials in its file that become meshes of their own.
 
     Raises:
         SweetHomeError: the archive or the model is damaged, has nothing to see, or has more than
@@ -98,7 +104,7 @@ def build(entry: Entry) -> Model:
     """
     try:
         with zipfile.ZipFile(entry.archive) as archive:
-            meshes = _meshes(_Files(archive, entry.model), entry)
+            meshes = _meshes(_Files(archive, entry.model), entry, apart)
     except (OSError, KeyError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         if isinstance(error, SweetHomeError):
             raise
@@ -142,8 +148,8 @@ class _Files:
         return found
 
 
-def _meshes(files: _Files, entry: Entry) -> tuple[Mesh, ...]:
-    obj = read_obj(files.model)
+def _meshes(files: _Files, entry: Entry, apart: Collection[str]) -> tuple[Mesh, ...]:
+    obj = read_obj(files.model, apart)
     count = sum(map(len, obj.groups.values()))
     if not 0 < count <= LARGEST:
         raise SweetHomeError(
@@ -153,8 +159,8 @@ def _meshes(files: _Files, entry: Entry) -> tuple[Mesh, ...]:
     materials = files.materials(obj.libraries)
     found = [
         mesh
-        for name, corners in obj.groups.items()
-        for mesh in _mesh(obj, corners, materials.get(name, Material()), files)
+        for (material, name), corners in obj.groups.items()
+        for mesh in _mesh(obj, corners, materials.get(material, Material()), files, name)
     ]
     if not found:
         raise SweetHomeError(f"found nothing to see in {entry.id}; leave it out")
@@ -175,8 +181,10 @@ def _placed(obj: Obj, entry: Entry) -> Obj:
                obj.libraries)  # fmt: skip
 
 
-def _mesh(obj: Obj, corners: np.ndarray, material: Material, files: _Files) -> Iterator[Mesh]:
-    """The triangles of one material; nothing where none can be seen."""
+def _mesh(
+    obj: Obj, corners: np.ndarray, material: Material, files: _Files, name: str
+) -> Iterator[Mesh]:
+    """The triangles of one group; nothing where none can be seen."""
     a, b, c = np.moveaxis(obj.vertices[corners[..., 0]], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     corners = corners[area > SMALLEST_AREA_M2]
@@ -189,7 +197,7 @@ def _mesh(obj: Obj, corners: np.ndarray, material: Material, files: _Files) -> I
     normals = obj.normals[rows[:, 2]] if shaded else np.zeros((1, 3))
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     yield Mesh(
-        obj.vertices[rows[:, 0]].astype(np.float32), faces,
+        name, obj.vertices[rows[:, 0]].astype(np.float32), faces,
         None if uv is None else uv.astype(np.float32),
         (normals / length).astype(np.float32) if length.min() > 0 else None,
         (*((1.0, 1.0, 1.0) if texture is not None else material.colour), material.alpha),

@@ -1,4 +1,4 @@
-"""Wavefront OBJ and MTL as arrays: one group of triangles for each material.
+"""Wavefront OBJ and MTL as arrays: one group of triangles for each material, or named object.
 
 Own code, as what is on PyPI does not fit: tinyobjloader has no release but candidates, PyWavefront
 rests since 2020 and drops indices, trimesh merges and splits parts on its way through a dozen
@@ -8,7 +8,7 @@ optional packages. Knows nothing of sizes, pictures or MuJoCo.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,28 +41,33 @@ class Obj:
         vertices: float64 [N, 3].
         coordinates: float64 [M, 2], of the picture, v upwards.
         normals: float64 [K, 3].
-        groups: by name of material ("" before the first), int32 [F, 3, 3]: for each corner of each
-            triangle the rows of vertex, coordinates and normal, -1 where it has none.
+        groups: by name of material ("" before the first) and of the object that stays apart, or
+            "", int32 [F, 3, 3]: for each corner of each triangle the rows of vertex, coordinates
+            and normal, -1 where it has none.
         libraries: file names of MTL files as written.
     """
 
     vertices: np.ndarray
     coordinates: np.ndarray
     normals: np.ndarray
-    groups: dict[str, np.ndarray]
+    groups: dict[tuple[str, str], np.ndarray]
     libraries: tuple[str, ...]
 
 
-def read_obj(text: str) -> Obj:
+def read_obj(text: str, apart: Collection[str] = ()) -> Obj:
     """Read an OBJ file; polygons become fans of triangles.
+
+    Args:
+        text: of the file.
+        apart: names of objects, groups or materials whose triangles are kept by themselves.
 
     Raises:
         ValueError: a number is none, or a face names what is not there; one sentence.
     """
     rows: dict[str, list[list[str]]] = {"v": [], "vt": [], "vn": []}
-    groups: dict[str, list[tuple[Corner, ...]]] = {}
+    groups: dict[tuple[str, str], list[tuple[Corner, ...]]] = {}
     libraries: list[str] = []
-    material = ""
+    material = thing = ""
     for line in re.sub(r"\\\r?\n", " ", text).splitlines():
         key, *words = line.split() or [""]
         if key in rows:
@@ -70,9 +75,12 @@ def read_obj(text: str) -> Obj:
         elif key == "f":
             counts = len(rows["v"]), len(rows["vt"]), len(rows["vn"])
             corners = [_corner(word, counts) for word in words]
-            groups.setdefault(material, []).extend(
+            name = next((name for name in (thing, material) if name in apart), "")
+            groups.setdefault((material, name), []).extend(
                 (corners[0], *corners[i : i + 2]) for i in range(1, len(corners) - 1)
             )
+        elif key in ("o", "g"):
+            thing = line.partition(key)[2].strip()
         elif key == "usemtl":
             material = line.partition(key)[2].strip()
         elif key == "mtllib":

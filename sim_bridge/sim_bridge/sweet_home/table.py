@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import yaml
 
 from sim_bridge.sweet_home.cache import load
@@ -33,6 +35,8 @@ class Piece:
         wall: fixed to a wall.
         kind: variant of its role, or empty.
         style: pieces that belong together share one.
+        goals: categories of things that are part of the model, by the names of their objects or
+            materials in its file: the pillows of a bed.
     """
 
     entry: Entry
@@ -43,14 +47,15 @@ class Piece:
     wall: bool = False
     kind: str = ""
     style: str = ""
+    goals: Mapping[str, str] = field(default_factory=dict)
 
     def load(self) -> Model:
-        """Its meshes and boxes.
+        """Its meshes, those of ``goals`` by themselves, and its boxes.
 
         Raises:
             SweetHomeError: the archive is damaged.
         """
-        return load(self.entry)
+        return load(self.entry, self.goals)
 
 
 @cache
@@ -78,6 +83,8 @@ def _of_role(role: str, rows: list[dict[str, Any]], known: Mapping[str, Entry]) 
         entry = known[row["id"]]
         if "size" in row:
             entry = replace(entry, size=tuple(row["size"]))
+        if "turn" in row:
+            entry = _turned(entry, row["turn"])
         held_out = index % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
         if "family" in row:
             held_out = families.setdefault(row["family"], held_out)
@@ -85,6 +92,18 @@ def _of_role(role: str, rows: list[dict[str, Any]], known: Mapping[str, Entry]) 
             Piece(
                 entry, role, held_out, tuple(row.get("rooms", ())), tuple(row.get("on", ())),
                 bool(row.get("wall", False)), row.get("kind", ""), row.get("style", ""),
-            )  # fmt: skip
-        )
+                row.get("goals", {}),
+            )
+        )  # fmt: skip
     return found
+
+
+def _turned(entry: Entry, degrees: int) -> Entry:
+    """The same turned by quarters, counter-clockwise from above."""
+    c, s = (round(f(math.radians(degrees))) for f in (math.cos, math.sin))
+    turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ np.array(entry.rotation)
+    width, depth, height = entry.size
+    return replace(
+        entry, rotation=tuple(map(tuple, turn.tolist())),
+        size=(depth, width, height) if s else entry.size,
+    )  # fmt: skip

@@ -268,7 +268,8 @@ def _build(room: Room, mast: bool) -> tuple[mj.MjModel, np.ndarray]:
             owners.append(part.owner)
     # what is transparent is drawn last, and shows what is behind it
     for placed in sorted(room.placed, key=lambda placed: placed.model.transparent):
-        owners += [placed.owner] * add_model(spec, placed.model, placed.frame)
+        add_model(spec, placed.model, placed.frame)
+        owners += placed.owners
     _robot(spec, mast)
     owners += [-1] * (1 + mast)
     return spec.compile(), np.array(owners)
