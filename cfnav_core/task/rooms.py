@@ -65,16 +65,30 @@ def of_furniture(kind: str, furniture: str) -> str:
     return type_of(kind) if furniture == BUILT_IN else f"{furniture}.{type_of(kind)}"
 
 
-def parse_rooms(texts: Iterable[str]) -> list[tuple[str, int]]:
+def parse_rooms(
+    texts: Iterable[str], furniture: Sequence[str] = (BUILT_IN,)
+) -> list[tuple[str, int]]:
     """Read any number of ``type:seed``, ``type:first-last``, ``data2:train`` and ``data2``.
 
+    Args:
+        texts: with their furniture before a dot, or without.
+        furniture: of those without, which are given once for each.
+
     Returns:
-        Type and seed of each room, in order, none twice.
+        Kind and seed of each room, in order, none twice.
 
     Raises:
         ValueError: one is none of these, with what was expected.
     """
-    return list(dict.fromkeys(room for text in texts for room in _rooms(text)))
+    return list(dict.fromkeys(
+        room for text in texts for full in _in_full(text, furniture) for room in _rooms(full)
+    ))  # fmt: skip
+
+
+def _in_full(text: str, furniture: Sequence[str]) -> list[str]:
+    if "." in text.partition(":")[0]:
+        return [text]
+    return [text if name == BUILT_IN else f"{name}.{text}" for name in furniture]
 
 
 def _rooms(text: str) -> list[tuple[str, int]]:
@@ -83,10 +97,9 @@ def _rooms(text: str) -> list[tuple[str, int]]:
     if name in SPLITS and furniture_of(kind) in FURNITURE and (not rest or rest in SPLITS[name]):
         seeds = SPLITS[name][rest] if rest else sorted(chain(*SPLITS[name].values()))
         return [(of_furniture(k, furniture_of(kind)), seed) for k in ROOM_TYPES for seed in seeds]
-    name = kind
     first, dash, last = rest.partition("-")
     last = last if dash else first
-    if name not in KINDS or not (first.isdecimal() and last.isdecimal()):
+    if kind not in KINDS or not (first.isdecimal() and last.isdecimal()):
         splits = (f"{layout}:{split}" for layout, row in SPLITS.items() for split in row)
         raise ValueError(
             f"found rooms {text!r}; expected TYPE:SEED or TYPE:FIRST-LAST with a type of "
@@ -94,7 +107,7 @@ def _rooms(text: str) -> list[tuple[str, int]]:
         )
     if int(last) < int(first):
         raise ValueError(f"found rooms {text!r}; expected the smaller seed first")
-    return [(name, seed) for seed in range(int(first), int(last) + 1)]
+    return [(kind, seed) for seed in range(int(first), int(last) + 1)]
 
 
 def split_of(name: str, seed: int) -> str:

@@ -21,7 +21,7 @@ from cfnav_core.task.actions import STEP_M
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.rooms import parse_rooms
 from sim_bridge.data.pages import labelled, on_pages, write_pages
-from sim_bridge.room.room import Room, generate_room
+from sim_bridge.room.room import Room, check_furniture, generate_room
 from sim_bridge.room.shell import WALL_HEIGHT
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.world import Pose, World
@@ -66,6 +66,7 @@ class ShowOptions:
         ):  # fmt: skip
             if not 1 <= value <= most:
                 raise ValueError(f"found --{name} {value}, expected 1 to {most}")
+        check_furniture(kind for kind, _ in rooms)
         camera = CameraSetUp.read(self.camera)
         tiles = (
             tile

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from sim_bridge.room import objects as ob
 from sim_bridge.room.parts import Builder, Frame, Placed, Surface
 from sim_bridge.room.surroundings import Surroundings
-from sim_bridge.sweet_home.bands import BANDS, Box, boxes
+from sim_bridge.sweet_home.bands import BANDS, Box
 from sim_bridge.sweet_home.model import Model, triangles_of
 from sim_bridge.sweet_home.shelves import shelves
 from sim_bridge.sweet_home.table import Piece, pieces
@@ -26,7 +26,7 @@ BEDS = frozenset({"bed_double", "bed_single"})
 CASES = frozenset({"bookcase", "tv_stand", "sideboard"})
 """Furniture that has places inside."""
 MAST_FROM_M, MAST_TO_M = BANDS[-1]
-"""Between these heights only the mast can touch; what stands there is one box to it."""
+"""Between these heights only the mast can touch."""
 WALL_HEIGHTS = {"LightSwitch": 1.05, "Towel": 0.8, "ToiletPaper": 0.7, "wall_socket": 0.2}
 """Lower edge of what hangs there, metres, where the catalogue says none."""
 
@@ -154,9 +154,9 @@ class Kit:
         frame = self.b.place(width, depth + clear, wall, gap, height)
         if frame is None:
             return None
-        self.add(piece, frame)
+        self.add(piece, frame.at(0, 0, piece.entry.elevation))
         if wall:
-            self.b.occupy_wall(frame, width, 0, height)
+            self.b.occupy_wall(frame, width, 0, piece.entry.elevation + height)
         return piece, frame
 
     def beside(self, piece: Piece | None, back: Frame, turn: float = 0.0) -> bool:
@@ -244,13 +244,11 @@ def _kinds(piece: Piece, kinds: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _touched(piece: Piece, model: Model, z: float) -> tuple[Box, ...]:
-    """The boxes of a model whose bottom is at a height (m)."""
+    """The boxes of a model whose bottom is at a height (m): one of what stands on something."""
     if piece.role == "rug":
         return ()  # one drives over it
     if abs(z - piece.entry.elevation) < 0.01 and z < MAST_FROM_M:
         return model.boxes
-    if z < MAST_FROM_M:
-        return tuple(boxes(triangles_of(model.meshes), z))
     width, depth, height = model.size
     whole = Box((0.0, 0.0, height / 2), (width / 2, depth / 2, height / 2))
     return (whole,) if z < MAST_TO_M else ()

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from sim_bridge.room import built_in, sweet_home
 from sim_bridge.room.parts import Builder, Colour, Part, Placed, RoomObject
 from sim_bridge.room.shell import finish
 from sim_bridge.room.textures import Texture
+from sim_bridge.sweet_home.table import pieces
 
 ROOMS_VERSION = 1
 """Rises when a seed's room, its grid or its pictures come out otherwise; a test holds it."""
@@ -70,6 +72,16 @@ class Room:
     def goals(self) -> tuple[str, ...]:
         """Categories present in the room, alphabetical."""
         return tuple(sorted({o.name for o in self.objects if o.name in CATEGORY_ID}))
+
+
+def check_furniture(kinds: Iterable[str]) -> None:
+    """Look whether the furniture of kinds of rooms is installed.
+
+    Raises:
+        ValueError: it is not; the message says how to install it.
+    """
+    if SWEET_HOME in map(furniture_of, kinds):
+        pieces()
 
 
 def generate_room(kind: str, seed: int) -> Room:

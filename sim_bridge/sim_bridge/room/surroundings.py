@@ -21,6 +21,8 @@ SPACING_M = 0.1
 REFLECTED = 0.9
 """Light from everywhere, beside what comes straight from lamps and windows."""
 CONTRAST = 0.55
+COARSER = 3
+"""Of the picture of shadows on the floor."""
 
 FLOORS = {
     "kitchen": (ma.tiles, ma.tiles, ma.planks),
@@ -74,7 +76,7 @@ class Surroundings:
         b.add(b.new("Floor"), "box", room, (w / 2, d / 2, -0.05), (w / 2, d / 2, 0.05), (1, 1, 1),
               "floor", solid=False)  # fmt: skip
         b.add(b.new("Ceiling"), "box", room, (w / 2, d / 2, h + 0.05), (w / 2, d / 2, 0.05),
-              (1, 1, 1), "ceiling", solid=False, emission=self.emission + 0.2)  # fmt: skip
+              (1, 1, 1), "ceiling", solid=False, emission=self.emission + 0.12)  # fmt: skip
         owner = b.new("Wall")
         solids = [
             (w / 2, -0.05, w / 2 + 0.1, 0.05), (w / 2, d + 0.05, w / 2 + 0.1, 0.05),
@@ -126,7 +128,8 @@ class Surroundings:
         below = self._light(Frame(0, 0), (b.width, 0, 0), (0, b.depth, 0), (0, 0, 1))
         around = [self._wall_light(wall) for wall in b.stretches]
         mean = np.concatenate([a.reshape(-1, 3) for a in (below, *around)]).mean()
-        lit = np.maximum(floor_light(b, (h, w), ma.PER_METRE), 0.3)[..., None]
+        small = floor_light(b, (h // COARSER, w // COARSER), ma.PER_METRE / COARSER)
+        lit = np.maximum(cv2.resize(small, (w, h), interpolation=cv2.INTER_LINEAR), 0.3)[..., None]
         out = {"floor": (_shaded(floor, below / mean) * lit)[::-1]}
         out |= {
             f"wall{k}": (_shaded(picture, light / mean) * _corners(picture))[::-1, ::-1]
@@ -135,7 +138,7 @@ class Surroundings:
         white = hsv(0.12, 0.02, float(rng.uniform(0.9, 1)))
         ceiling = ma.paint(rng, b.width / 4, b.depth / 4, white)
         above = self._light(Frame(0, 0, WALL_HEIGHT), (b.width, 0, 0), (0, b.depth, 0), (0, 0, -1))
-        out["ceiling"] = (_shaded(ceiling, above / mean + 0.3) * _corners(ceiling, 4))[::-1]
+        out["ceiling"] = (_shaded(ceiling, above / mean + 0.2) * _corners(ceiling, 4))[::-1]
         return {k: (v.clip(0, 1) * 255).astype(np.uint8).copy() for k, v in out.items()}
 
     def _walls(self) -> list[ma.Surface]:

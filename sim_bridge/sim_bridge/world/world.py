@@ -19,6 +19,7 @@ from sim_bridge.room.parts import Part
 from sim_bridge.room.room import Room
 from sim_bridge.world.groups import (
     ROBOT,
+    TOUCH_AND_LASER,
     TOUCH_ONLY,
     VISIBLE_MESH,
     VISIBLE_ONLY,
@@ -96,7 +97,8 @@ class World:
         self._hull = self.model.geom("hull").id
         self._mast = self.model.geom("mast").id if mast else -1
         self._tilt = 0.0
-        self._laser_groups = np.array([0, 1, 0, 1, 0, 0], np.uint8)
+        self._laser_groups = np.zeros(mj.mjNGROUP, np.uint8)
+        self._laser_groups[[VISIBLE_PRIMITIVE, TOUCH_AND_LASER]] = 1
         self.reset(room.width / 2, room.depth / 2, 0.0)
 
     @property
@@ -249,7 +251,7 @@ def _build(room: Room, mast: bool) -> tuple[mj.MjModel, np.ndarray]:
         }
         touch = {"contype": 1, "conaffinity": 2} if part.solid else {"contype": 0, "conaffinity": 0}
         if not part.visible:
-            spec.worldbody.add_geom(**geom, **primitive, **touch, group=TOUCH_ONLY)
+            spec.worldbody.add_geom(**geom, **primitive, **touch, group=_unseen(part))
             owners.append(part.owner)
             continue
         look = {"material": _material(spec, materials, part)}
@@ -264,7 +266,7 @@ def _build(room: Room, mast: bool) -> tuple[mj.MjModel, np.ndarray]:
         )  # fmt: skip
         owners.append(part.owner)
         if part.solid:
-            spec.worldbody.add_geom(**geom, **primitive, **touch, group=TOUCH_ONLY)
+            spec.worldbody.add_geom(**geom, **primitive, **touch, group=_unseen(part))
             owners.append(part.owner)
     # what is transparent is drawn last, and shows what is behind it
     for placed in sorted(room.placed, key=lambda placed: placed.model.transparent):
@@ -273,6 +275,16 @@ def _build(room: Room, mast: bool) -> tuple[mj.MjModel, np.ndarray]:
     _robot(spec, mast)
     owners += [-1] * (1 + mast)
     return spec.compile(), np.array(owners)
+
+
+def _unseen(part: Part) -> int:
+    """The group of what no camera draws."""
+    return TOUCH_AND_LASER if crosses_plane(part) else TOUCH_ONLY
+
+
+def crosses_plane(part: Part, z: float = LIDAR_Z) -> bool:
+    """Whether a horizontal plane (m) cuts a solid part."""
+    return part.solid and abs(part.centre[2] - z) <= part.half[2]
 
 
 def _settings(spec: mj.MjSpec, room: Room) -> None:

@@ -61,7 +61,7 @@ def litter(kit: Kit) -> None:
     if kit.around.room_type == "bathroom":
         return
     for _ in range(int(kit.b.rng.integers(0, 3))):
-        kit.stand("clutter_floor", wall=kit.b.chance(0.85), fits=small)
+        kit.stand("clutter_floor", wall=kit.b.chance(0.97), fits=small)
     if kit.b.chance(0.15):
         kit.stand("clutter_floor", fits=large)
 
@@ -150,7 +150,9 @@ def _at_table(chair: Piece) -> bool:
 def rug(kit: Kit, middle: Frame, large: bool = True) -> None:
     """A rug under a place: a model, or one of our own in a quiet colour."""
     b = kit.b
-    piece = kit.pick("rug", lambda piece: not piece.kind and not piece.rooms)
+    piece = kit.pick(
+        "rug", lambda piece: not piece.kind and (max(piece.entry.size[:2]) > 1) == large
+    )
     if piece is not None and b.chance(0.3 if large else 0.6):
         width, depth, _ = piece.entry.size
         if within(b, middle, min(width, depth) / 2):

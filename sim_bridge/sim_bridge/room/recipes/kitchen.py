@@ -116,6 +116,8 @@ def _row(kit: Kit, row: _Row, sink: bool, hob: bool, at: Frame | None) -> Frame 
               (1, 1, 1), "splash", 0.9, solid=False)  # fmt: skip
         if piece is not None:
             kit.add(piece, place)
+            if what == "hob":  # its top is no worktop
+                b.surfaces = [top for top in b.surfaces if top.frame != place.at(0, 0, _top(piece))]
         else:
             _own_unit(kit, row, place, width, what)
         if what == "hob":
