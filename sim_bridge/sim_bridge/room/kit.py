@@ -13,7 +13,7 @@ from sim_bridge.room import objects as ob
 from sim_bridge.room.parts import Builder, Frame, Placed, Surface
 from sim_bridge.room.surroundings import Surroundings
 from sim_bridge.sweet_home.bands import BANDS, Box
-from sim_bridge.sweet_home.model import Model, triangles_of
+from sim_bridge.sweet_home.model import Model
 from sim_bridge.sweet_home.shelves import shelves
 from sim_bridge.sweet_home.table import Piece, pieces
 
@@ -113,7 +113,7 @@ class Kit:
     def _offer(self, piece: Piece, model: Model, back: Frame) -> None:
         top, (width, depth, height) = piece.entry.drop_on_top, piece.entry.size
         if piece.role in CASES:
-            for shelf in shelves(triangles_of(model.meshes), model.size):
+            for shelf in shelves(model.triangles, model.size):
                 if 0.25 < shelf.z < 1.5:
                     self.b.surfaces.append(Surface(
                         back.at(shelf.x, 0.02, shelf.z + 0.005), shelf.width, depth - 0.04,
@@ -184,14 +184,38 @@ class Kit:
         piece = self.pick(category, will_do)
         if piece is None:
             return False
-        width, depth, height = piece.entry.size
-        on = _kinds(piece, kinds)
-        found = ob.spot(self.b, category, on, math.hypot(width, depth) / 2, height)
+        most = 0.15 if category in ob.BACK_OF_SURFACE | ob.FACING else 0.6
+        turn = float(self.b.rng.uniform(-most, most))
+        found = self._spot(piece, _kinds(piece, kinds), turn)
         if found is None:
             return False
-        most = 0.15 if category in ob.BACK_OF_SURFACE | ob.FACING else 0.6
-        self.add(piece, found.at(0, -depth / 2), float(self.b.rng.uniform(-most, most)))
+        self.add(piece, found.at(0, -piece.entry.size[1] / 2), turn)
         return True
+
+    def _spot(self, piece: Piece, kinds: tuple[str, ...], turn: float) -> Frame | None:
+        """Where a turned piece stands wholly on a surface and beside what is there, now taken."""
+        b, (width, depth, height) = self.b, piece.entry.size
+        c, s = abs(math.cos(turn)), abs(math.sin(turn))
+        across, along = (c * width + s * depth) / 2, (s * width + c * depth) / 2
+        radius = math.hypot(width, depth) / 2
+        tops = [
+            top for top in b.surfaces
+            if top.kind in kinds and top.clear >= height
+            and top.width > 2 * across and top.depth > 2 * along
+        ]  # fmt: skip
+        for _ in range(40 if tops else 0):
+            top = tops[int(b.rng.integers(len(tops)))]
+            x = float(b.rng.uniform(across - top.width / 2, top.width / 2 - across))
+            y = float(b.rng.uniform(along, top.depth - along))
+            if piece.role in ob.BACK_OF_SURFACE:
+                y = min(y, max(along, 0.42 * top.depth))
+            if all(
+                on is not top or math.hypot(x - u, y - v) >= radius + r
+                for on, u, v, r in b.on_surface
+            ):
+                b.on_surface.append((top, x, y, radius))
+                return top.frame.at(x, y)
+        return None
 
     def floor(self, category: str, wall: float = 0.95) -> bool:
         """Stand one thing on the floor, against a wall with a chance; False without a place."""

@@ -324,6 +324,9 @@ WALL_SPANS = {
 RADIUS = {"Microwave": 0.27, "Sink": 0.3, "Television": 0.42, "Pillow": 0.27, "Laptop": 0.2}
 """Space an object needs on a surface, metres; 0.13 when absent."""
 
+TALLEST_M = 0.46
+"""Of the objects that stand on surfaces."""
+
 BACK_OF_SURFACE = frozenset({"Microwave", "Toaster", "CoffeeMachine", "Television", "Kettle"})
 FACING = frozenset({"Television", "Sink", "Microwave"})
 
@@ -338,19 +341,9 @@ def put(b: Builder, category: str, kinds: tuple[str, ...]) -> bool:
     return True
 
 
-def spot(
-    b: Builder, category: str, kinds: tuple[str, ...], radius: float, height: float = 0.0
-) -> Frame | None:
-    """A free place on a surface of one of the kinds, now taken; None when there is none.
-
-    Args:
-        b: the room.
-        category: of the object; some stand at the back.
-        kinds: of surfaces.
-        radius: of the object, metres.
-        height: of it, metres.
-    """
-    surfaces = [s for s in b.surfaces if s.kind in kinds and s.clear >= height]
+def spot(b: Builder, category: str, kinds: tuple[str, ...], radius: float) -> Frame | None:
+    """A free place for an object of a radius (m) on a surface of one of the kinds, now taken."""
+    surfaces = [s for s in b.surfaces if s.kind in kinds and s.clear > TALLEST_M]
     for _ in range(40 if surfaces else 0):
         s = surfaces[int(b.rng.integers(len(surfaces)))]
         side = radius * 0.9

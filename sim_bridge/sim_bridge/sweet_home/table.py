@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -14,10 +15,17 @@ import numpy as np
 import yaml
 
 from sim_bridge.sweet_home.cache import load
-from sim_bridge.sweet_home.catalogue import Entry, SweetHomeError, catalogue
+from sim_bridge.sweet_home.catalogue import (
+    Entry,
+    SweetHomeError,
+    catalogue,
+    furniture_folder,
+)
 from sim_bridge.sweet_home.model import Model
 
 TABLE = Path(__file__).with_name("models.yaml")
+VARIABLE = "CFNAV_SWEET_HOME_TABLE"
+"""Environment variable that names another table."""
 HELD_OUT_EVERY = 3
 """The last of so many models of a role is held out."""
 
@@ -58,14 +66,19 @@ class Piece:
         return load(self.entry, self.goals)
 
 
-@cache
-def pieces(path: Path = TABLE) -> Mapping[str, tuple[Piece, ...]]:
+def pieces() -> Mapping[str, tuple[Piece, ...]]:
     """All pieces by role, in the order of the table.
 
     Raises:
         SweetHomeError: the furniture is not installed, or the table names what it has not.
     """
-    known = catalogue()
+    named = os.environ.get(VARIABLE)
+    return _pieces(Path(named) if named else TABLE, furniture_folder())
+
+
+@cache
+def _pieces(path: Path, folder: Path) -> Mapping[str, tuple[Piece, ...]]:
+    known = catalogue(folder)
     rows = yaml.safe_load(path.read_text())
     rows.pop("left_out", None)
     return MappingProxyType({role: tuple(_of_role(role, row, known)) for role, row in rows.items()})

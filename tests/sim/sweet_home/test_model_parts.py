@@ -61,7 +61,7 @@ def test_the_front_shows_its_picture_upright(board):
 def test_meshes_that_are_flat_or_of_one_triangle_are_drawn(flat):
     vertices = np.array([[-1, 0, 0], [1, 0, 0], [0, 0 if flat else 0.1, 1]], np.float32)
     faces = np.array([[0, 2, 1]], np.int32)
-    mesh = Mesh(vertices, faces, None, None, (1, 0, 0, 1), None, 0, 0)
+    mesh = Mesh("", vertices, faces, None, None, (1, 0, 0, 1), None, 0, 0)
     tile = draw(Model("one", (2, 0.1, 1), (mesh,), ()), 100).astype(int)
     assert (tile[..., 0] > tile[..., 1] + tile[..., 2]).sum() > 200
 

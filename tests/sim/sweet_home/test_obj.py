@@ -9,8 +9,8 @@ def test_polygons_become_fans_and_negative_numbers_count_back():
     text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nv 9 9 9 1.0\nf -1 -2 -3\n"
     obj = read_obj(text)
     assert obj.vertices.tolist()[-1] == [9, 9, 9]
-    assert obj.groups[""][..., 0].tolist() == [[0, 1, 2], [0, 2, 3], [4, 3, 2]]
-    assert (obj.groups[""][..., 1:] == -1).all()
+    assert obj.groups["", ""][..., 0].tolist() == [[0, 1, 2], [0, 2, 3], [4, 3, 2]]
+    assert (obj.groups["", ""][..., 1:] == -1).all()
 
 
 def test_corners_name_vertex_coordinates_and_normal():
@@ -18,7 +18,7 @@ def test_corners_name_vertex_coordinates_and_normal():
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nvt 0.25 0.75 0\nvn 0 0 1\nf 1/1/1 2//1 \\\n 3/-1/-1\n"
     )
     obj = read_obj(text)
-    assert obj.groups[""].tolist() == [[[0, 0, 0], [1, -1, 0], [2, 1, 0]]]
+    assert obj.groups["", ""].tolist() == [[[0, 0, 0], [1, -1, 0], [2, 1, 0]]]
     assert obj.coordinates.tolist() == [[0.5, 0], [0.25, 0.75]]
     assert obj.normals.tolist() == [[0, 0, 1]]
 
@@ -31,7 +31,10 @@ def test_each_material_is_one_group_wherever_its_faces_stand():
     )
     obj = read_obj(text)
     assert obj.libraries == ("one.mtl", "two words.mtl")
-    assert {name: len(group) for name, group in obj.groups.items()} == {"red paint": 2, "blue": 1}
+    assert {name: len(group) for (name, _), group in obj.groups.items()} == {
+        "red paint": 2,
+        "blue": 1,
+    }
 
 
 def test_lines_and_points_are_no_faces():

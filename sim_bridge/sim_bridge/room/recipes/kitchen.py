@@ -6,7 +6,9 @@ Units are models of one of two designs, or our own with a front and a worktop of
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 
 from sim_bridge.room import fixtures as fx
 from sim_bridge.room import objects as ob
@@ -31,15 +33,17 @@ CLEAR_M = 0.5
 UPPER_M = 1.42
 """Where cupboards on the wall begin."""
 WORKTOPS = ("kitchen_base", "counter")
+"""Kinds of surfaces; those of units become one for each run of them."""
 
 
 def furnish(kit: Kit) -> None:
     """Furnish a kitchen."""
     b = kit.b
     style = str(b.rng.choice(["oak", "shaker", "own", "own"]))
-    first = _row(kit, _Row.drawn(kit, style), sink=True, hob=True, at=None)
+    row = _Row.drawn(kit, style)
+    first = _row(kit, row, sink=True, hob=True, at=None)
     if b.chance(0.45) and first is not None:
-        _row(kit, _Row.drawn(kit, style), sink=False, hob=False, at=first)
+        _row(kit, row, sink=False, hob=False, at=first)
     if b.chance(0.3):
         fx.fridge(b)
     else:
@@ -108,7 +112,7 @@ def _row(kit: Kit, row: _Row, sink: bool, hob: bool, at: Frame | None) -> Frame 
     if frame is None:
         return None
     b.occupy_wall(frame, total, 0, UPPER_M - 0.01)
-    x, wall = -total / 2, b.new("Wall")
+    x, wall, before = -total / 2, b.new("Wall"), list(b.surfaces)
     for width, piece, what in units:
         place = frame.at(x + width / 2, 0)
         half = (_splash_top(kit, place, width) - HEIGHT + 0.02) / 2
@@ -116,17 +120,31 @@ def _row(kit: Kit, row: _Row, sink: bool, hob: bool, at: Frame | None) -> Frame 
               (1, 1, 1), "splash", 0.9, solid=False)  # fmt: skip
         if piece is not None:
             kit.add(piece, place)
-            if what == "hob":  # its top is no worktop
-                b.surfaces = [top for top in b.surfaces if top.frame != place.at(0, 0, _top(piece))]
         else:
             _own_unit(kit, row, place, width, what)
         if what == "hob":
             _hob(kit, place, HEIGHT if piece is None else _top(piece))
         x += width
+    own_tops = [top for top in b.surfaces[len(before) :] if top.kind not in WORKTOPS]
+    b.surfaces = [*before, *own_tops, *_worktops(frame, units)]
     if b.chance(0.75):
         _uppers(kit, row, frame, units)
         b.occupy_wall(frame, total, UPPER_M, 2.3)
     return frame
+
+
+def _worktops(frame: Frame, units: list[Unit]) -> Iterator[Surface]:
+    """One for each run of base units."""
+    x = -sum(width for width, _, _ in units) / 2
+    for what, run in groupby(units, lambda unit: unit[2]):
+        some = list(run)
+        length = sum(width for width, _, _ in some)
+        if what == "base":
+            tops = [HEIGHT if piece is None else _top(piece) for _, piece, _ in some]
+            depths = [DEPTH if piece is None else piece.entry.size[1] for _, piece, _ in some]
+            at = frame.at(x + length / 2, 0, max(tops))
+            yield Surface(at, length, min(depths), "counter")
+        x += length
 
 
 def _splash_top(kit: Kit, frame: Frame, width: float) -> float:
@@ -198,10 +216,8 @@ def _own_unit(kit: Kit, row: _Row, frame: Frame, width: float, what: str) -> Non
             x = (k + 0.5) * width / doors - width / 2
             _front(kit, row, owner, frame, x, 0.48, width / doors / 2, 0.37)
     b.occupy_wall(frame, width, 0, HEIGHT + 0.45)
-    top = Surface(frame.at(0, 0, HEIGHT), width, DEPTH, "sink_top" if what == "sink" else "counter")
-    if what != "hob":
-        b.surfaces.append(top)
     if what == "sink":
+        b.surfaces.append(Surface(frame.at(0, 0, HEIGHT), width, DEPTH, "sink_top"))
         ob.put(b, "Sink", ("sink_top",))
 
 

@@ -10,13 +10,16 @@ from sim_bridge.room.kit import Kit
 from sim_bridge.room.parts import Frame, hsv
 from sim_bridge.room.shell import WALL_HEIGHT
 from sim_bridge.room.surroundings import Pane
-from sim_bridge.sweet_home.model import triangles_of
 from sim_bridge.sweet_home.table import Piece
 
 LEAF_M = 0.012
 """Of a door's leaf before the wall."""
+MOST_OUT_M = 0.08
+"""From the wall to the front of a window."""
 SWING_M = 0.8
 """Free floor before a door."""
+BESIDE_M = 0.9
+"""Wall beside a window, both sides together, for its curtains."""
 ROD_M = 0.1
 """From the wall to the rod of curtains."""
 
@@ -42,8 +45,8 @@ def door(kit: Kit) -> None:
 
 
 def leaf(piece: Piece) -> float:
-    """Where the leaf of a door is in its frame, y in metres: where most looks to the front."""
-    corners = triangles_of(piece.load().meshes)
+    """Where a door's leaf, or a pane, is in its frame: y in metres, where most looks forward."""
+    corners = piece.load().triangles
     a, b, c = np.moveaxis(corners, 1, 0)
     cross = np.cross(b - a, c - a)
     front = cross[:, 1] > 0.9 * np.linalg.norm(cross, axis=1)
@@ -64,14 +67,15 @@ def window(kit: Kit) -> None:
         return
     width, depth, height = piece.entry.size
     low = min(piece.entry.elevation or 0.9, WALL_HEIGHT - 0.1 - height)
-    frame = b.wall_spot(width + 0.5, low, WALL_HEIGHT)
+    frame = b.wall_spot(width + BESIDE_M, low, WALL_HEIGHT)
     if frame is None:
         return
     kit.around.panes.append(Pane(frame, low, width, height))
     b.add(b.new("Window"), "box", frame, (0, 0.003, low + height / 2),
           (width / 2 - 0.03, 0.003, height / 2 - 0.03), (1, 1, 1), "outdoors", solid=False,
           emission=0.3 + 0.6 * kit.around.daylight)  # fmt: skip
-    kit.add(piece, frame.at(0, 0.05 - depth, low))
+    out = min(LEAF_M + depth / 2 - leaf(piece), MOST_OUT_M)
+    kit.add(piece, frame.at(0, out - depth, low))
     chance = {"bathroom": 0.1, "kitchen": 0.3}.get(kit.around.room_type, 0.7)
     if b.chance(0.45 if kit.around.room_type == "bedroom" else 0.25):
         _blinds(kit, frame, low, width, height)
@@ -107,7 +111,7 @@ def _curtains(kit: Kit, frame: Frame, low: float, width: float) -> None:
             b.add(owner, "cylinder", frame, (x, y, (top + bottom) / 2),
                   (half * 1.15, half * 1.15, (top - bottom) / 2), colour, solid=False)  # fmt: skip
     if long:
-        b.occupy_wall(frame, width + 0.8, 0.0, low)
+        b.occupy_wall(frame, width + BESIDE_M, 0.0, low)
     rod = (0.2, 0.2, 0.2) if b.chance(0.5) else (0.75, 0.7, 0.6)
     b.add(owner, "box", frame, (0, ROD_M, top + 0.02), (width / 2 + 0.42, 0.011, 0.011), rod,
           solid=False)  # fmt: skip
