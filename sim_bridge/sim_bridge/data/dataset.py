@@ -55,9 +55,6 @@ class RoomOptions:
     rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
     """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed; the 120
     rooms of all splits when absent. sweet_home.TYPE and sweet_home.SPLIT name a furniture, too."""
-    furniture: Literal["built_in", "sweet_home", "both"] = "built_in"
-    """Of rooms that name none: our own, models of the Debian package sweethome3d-furniture, or a
-    room of each."""
     out: Path = Path("out/scenes")
     """Folder that gets one sub-folder for each room."""
     perception: Path | None = None
@@ -73,6 +70,9 @@ class RoomOptions:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
+    furniture: Literal["built_in", "sweet_home", "both"] = "built_in"
+    """Of rooms that name none: our own, models of the Debian package sweethome3d-furniture, or a
+    room of each."""
 
     def run_command(self) -> None:
         """Render."""

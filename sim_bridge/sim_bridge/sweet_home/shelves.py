@@ -44,9 +44,8 @@ def shelves(triangles: np.ndarray, size: tuple[float, float, float]) -> list[She
         size: width, depth and height, metres.
     """
     points = samples(triangles)
-    levels = list(_boards(triangles, size))
     found = []
-    for z, above in zip(levels, [*levels[1:], size[2]], strict=True):
+    for z, above in pairwise([*_boards(triangles, size), size[2]]):
         clear = above - z - 0.03
         if clear < LEAST_M:
             continue
