@@ -18,8 +18,8 @@ TOPS = ("side", "washing_machine", "stool", "rim", "counter")
 def furnish(kit: Kit) -> None:
     """Furnish a bathroom."""
     b = kit.b
-    _bath(kit)
     _basin(kit)
+    _bath(kit)
     _toilet(kit)
     for role, p in {"bidet": 0.2, "washing_machine": 0.4, "stool": 0.25}.items():
         if b.chance(p):
@@ -89,7 +89,8 @@ def _basin(kit: Kit) -> None:
 
 def _stand_basin(kit: Kit, basin: Piece) -> Frame | None:
     width, depth, height = basin.entry.size
-    frame = kit.b.place(width + 0.2, depth + CLEAR_M, height=1.9)
+    width, depth = width + 0.2, depth + CLEAR_M
+    frame = kit.b.place(width, depth, height=1.9) or kit.b.place(width, depth, height=1.0)
     if frame is None:
         return None
     kit.add(basin, frame.at(0, 0, basin.entry.elevation))

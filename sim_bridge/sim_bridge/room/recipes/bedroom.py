@@ -14,7 +14,6 @@ from sim_bridge.room.recipes.common import (
     rug,
     stand,
     tops,
-    within,
 )
 
 
@@ -113,15 +112,14 @@ def desk(kit: Kit) -> None:
     if piece is None or chair is None:
         return
     width, depth, height = piece.entry.size
-    frame = b.place(width, depth, height=height)
+    seat = chair.entry.size[1]
+    frame = b.place(width, depth + seat, height=height)
     if frame is None:
         return
     kit.add(piece, frame)
     b.occupy_wall(frame, width, 0, height + 0.35)
-    before = depth + chair.entry.size[1] - float(b.rng.uniform(0, 0.25))
+    before = depth + seat - float(b.rng.uniform(0, 0.25))  # partly under it
     back = frame.at(float(b.rng.uniform(-0.15, 0.15)) * width, before, 0, math.pi)
-    # the chair may stand partly under the desk, but in nothing else
-    if within(b, back) and b.take(back.at(0, 0), chair.entry.size[0], before - depth):
-        kit.add(chair, back, float(b.rng.uniform(-0.3, 0.3)))
+    kit.add(chair, back, float(b.rng.uniform(-0.3, 0.3)))
     if b.chance(0.35):
         kit.hang("Painting", frame.at(0, -0.01))

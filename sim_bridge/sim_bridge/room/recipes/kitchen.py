@@ -61,7 +61,7 @@ def furnish(kit: Kit) -> None:
 def _things(kit: Kit) -> None:
     tops(kit, {"Pan": 0.8, "Pot": 0.8, "Kettle": 0.4}, "stove")
     tops(kit, {"Microwave": 0.85, "CoffeeMachine": 0.85, "Toaster": 0.85, "Kettle": 0.5,
-               "Pot": 0.15, "Pan": 0.15}, *WORKTOPS)  # fmt: skip
+               "Pot": 0.3, "Pan": 0.15}, *WORKTOPS)  # fmt: skip
     tops(kit, {"Bread": 0.85, "Mug": 0.9, "Apple": 0.9, "Spatula": 0.8, "Bowl": 0.8, "Plate": 0.8,
                "CellPhone": 0.2, "Book": 0.2, "Vase": 0.2, "SprayBottle": 0.1},
          *WORKTOPS, "dining_table")  # fmt: skip
