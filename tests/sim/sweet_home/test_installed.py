@@ -54,7 +54,7 @@ def test_rooms_of_all_types_are_made_and_the_robot_gets_around():
     for kind, seed in ROOMS:
         room = generate_room(kind, seed)
         assert fingerprint(room) == fingerprint(generate_room(kind, seed))
-        assert len(room.goals) >= 4, room.name
+        assert len(room.goals) >= 3, room.name
         grid = state_grid(World(room))
         positions.append(len(grid.positions))
         blocked.append(grid.collided.mean())

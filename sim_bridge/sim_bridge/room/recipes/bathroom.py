@@ -24,7 +24,7 @@ def furnish(kit: Kit) -> None:
     for role, p in {"bidet": 0.2, "washing_machine": 0.4, "stool": 0.25}.items():
         if b.chance(p):
             kit.stand(role)
-    if b.chance(0.75):
+    if b.chance(0.9):
         width, height = float(b.rng.uniform(0.4, 0.7)), float(b.rng.uniform(0.6, 0.9))
         fu.cabinet(b, width, 0.38, height, "side")
     tops(kit, {"SoapBar": 0.9, "SprayBottle": 0.8, "ToiletPaper": 0.5, "Towel": 0.3, "Vase": 0.1,

@@ -28,6 +28,7 @@ from sim_bridge.sweet_home.table import Piece
 STYLES = ("oak", "shaker")
 DEPTH, HEIGHT, UNIT = 0.6, 0.88, 0.6
 """Of our own units, metres."""
+FEWEST_UNITS = 2
 CLEAR_M = 0.5
 """Free floor before a row."""
 UPPER_M = 1.42
@@ -99,18 +100,14 @@ def _row(kit: Kit, row: _Row, sink: bool, hob: bool, at: Frame | None) -> Frame 
     """Units side by side along a wall, or along the wall that faces ``at``; its middle, or None."""
     b = kit.b
     units = _units(kit, row, sink, hob)
-    longest = max(wall.high - wall.low for wall in b.stretches) - 0.1
-    while len(units) > 1 and sum(width for width, _, _ in units) > longest:
-        units.remove(next((u for u in units if u[2] == "base"), units[0]))
-    total = sum(width for width, _, _ in units)
-    depth = max([piece.entry.size[1] for _, piece, _ in units if piece] or [DEPTH])
-    front = depth + CLEAR_M
-    frame = (
-        opposite(b, at, total, front, HEIGHT) if at
-        else against(b, total, front, HEIGHT, least=total + 0.3)
-    )  # fmt: skip
+    frame = _place(kit, units, at)
+    while frame is None and len(units) > FEWEST_UNITS:
+        bases = [unit for unit in units if unit[2] == "base"]
+        units.remove(bases[-1] if bases else units[-1])
+        frame = _place(kit, units, at)
     if frame is None:
         return None
+    total = sum(width for width, _, _ in units)
     b.occupy_wall(frame, total, 0, UPPER_M - 0.01)
     x, wall, before = -total / 2, b.new("Wall"), list(b.surfaces)
     for width, piece, what in units:
@@ -156,6 +153,15 @@ def _splash_top(kit: Kit, frame: Frame, width: float) -> float:
         if same and apart < (pane.width + width) / 2 + 0.05:
             top = min(top, max(pane.low, HEIGHT))
     return top
+
+
+def _place(kit: Kit, units: list[Unit], at: Frame | None) -> Frame | None:
+    """A place for units along a wall, or along the one that ``at`` looks at; None without one."""
+    b, total = kit.b, sum(width for width, _, _ in units)
+    depth = max([piece.entry.size[1] for _, piece, _ in units if piece] or [DEPTH]) + CLEAR_M
+    if at is not None:
+        return opposite(b, at, total, depth, HEIGHT)
+    return against(b, total, depth, HEIGHT, least=total + 0.1)
 
 
 Unit = tuple[float, Piece | None, str]

@@ -100,7 +100,7 @@ def _curtains(kit: Kit, frame: Frame, low: float, width: float) -> None:
     b, owner = kit.b, kit.b.new("Curtain")
     h, s = float(b.rng.choice([0.08, 0.1, 0.6, 0.95, 0.3])), float(b.rng.uniform(0.0, 0.45))
     colour = hsv(h, s, float(b.rng.uniform(0.5, 0.97)))
-    long = low < 0.7 or b.chance(0.6)
+    long = low < 0.7 or (kit.around.room_type != "kitchen" and b.chance(0.6))
     top, bottom = WALL_HEIGHT - 0.12, 0.03 if long else low - 0.12
     reach, folds = float(b.rng.uniform(0.2, 0.34)), int(b.rng.integers(5, 8))
     half = reach / folds
