@@ -316,8 +316,9 @@ class Builder:
             wall = self.stretches[k]
             if wall.high - wall.low < width + 0.3:
                 continue
-            reach = width / 2 + 0.1
-            u = float(self.rng.uniform(wall.low + reach, wall.high - reach))
+            # in this order: rooms hold to the last bit
+            first, last = wall.low + width / 2 + 0.1, wall.high - width / 2 - 0.1
+            u = float(self.rng.uniform(first, last))
             if self._wall_free(k, u, width, low, high):
                 self.walls_taken.append((k, u, width, low, high))
                 return wall.frame(u)
