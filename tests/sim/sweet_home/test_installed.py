@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 import pytest
 from sim_bridge.room.room import Room, generate_room
+from sim_bridge.room.sweet_home import SWEET_HOME_VERSION
 from sim_bridge.sweet_home.catalogue import SweetHomeError, furniture_folder
 from sim_bridge.sweet_home.table import pieces
 from sim_bridge.world.grid import state_grid
@@ -14,6 +15,7 @@ from sim_bridge.world.world import World
 
 from cfnav_core.task.rooms import SWEET_HOME
 from cfnav_core.task.vocabulary import ROOM_TYPES
+from tests.sim.test_versions import Fingerprint
 
 ROOMS = [
     (f"{SWEET_HOME}.{kind}", seed)
@@ -75,3 +77,21 @@ def test_every_piece_of_the_table_can_be_read():
     for role in pieces().values():
         for piece in role:
             assert piece.load().meshes
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "numbers"),
+    [
+        ("kitchen", "b99840eae5a4", 22327.4587),
+        ("living_room", "64748b1fdb0a", 10360.7169),
+        ("bedroom", "a9e32b6ee637", 10587.6366),
+        ("bathroom", "fdd5ccaad9a4", 10754.3916),
+    ],
+)
+def test_the_version_holds(kind, words, numbers):
+    """When this fails, either the change is a mistake or the version must rise with it."""
+    room = generate_room(f"{SWEET_HOME}.{kind}", 100)
+    models = [(placed.model.id, placed.frame, placed.owners) for placed in room.placed]
+    made = Fingerprint([room.parts, room.objects, models, room.lights, room.ambient])
+    assert (SWEET_HOME_VERSION, made.hash) == (1, words)
+    assert made.sums[0] == pytest.approx(numbers, rel=1e-6)
