@@ -28,7 +28,7 @@ from cfnav_core.perception.sight import CELL, Sight
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import parse_rooms, room_folder
+from cfnav_core.task.rooms import parse_rooms, room_folder, type_of
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.room.room import ROOMS_VERSION, Room, generate_room
 from sim_bridge.world.visual_shift import shifted
@@ -162,7 +162,7 @@ def _render(kind: str, seed: int, look: Look, percept: Percept) -> tuple[Offline
     often = visible.sum(0) >= MIN_GOAL_STATES
     none = np.empty((states, 0), np.float16)
     scene = OfflineScene(
-        name=f"{kind}:{seed}", room_type=kind, perception="", camera=look.camera,
+        name=f"{kind}:{seed}", room_type=type_of(kind), perception="", camera=look.camera,
         source=room_source(look.visual_shift), objects=objects,
         goals=tuple(name for name, enough in zip(objects, often, strict=True) if enough),
         features=none, detections=none, fields=(),

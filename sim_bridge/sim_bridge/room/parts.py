@@ -7,10 +7,17 @@ from __future__ import annotations
 
 import colorsys
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+
+from sim_bridge.sweet_home.bands import Box
+from sim_bridge.sweet_home.model import Model
+
+UNSEEN = (0.5, 0.5, 0.5)
+"""Colour of what no camera sees."""
 
 Colour = tuple[float, float, float]
 Shape = Literal["box", "cylinder", "ellipsoid"]
@@ -46,6 +53,7 @@ class Part:
         owner: index into ``Room.objects``.
         solid: whether it stops the robot and the laser.
         emission: 0..1, light of its own.
+        visible: whether the camera sees it; what is touched of a model is not seen.
     """
 
     shape: Shape
@@ -58,6 +66,22 @@ class Part:
     owner: int
     solid: bool
     emission: float
+    visible: bool = True
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A model of furniture where it stands.
+
+    Attributes:
+        model: what is seen of it; its boxes are parts.
+        frame: of the model's own frame in the room.
+        owner: index into ``Room.objects``.
+    """
+
+    model: Model
+    frame: Frame
+    owner: int
 
 
 @dataclass
@@ -101,6 +125,7 @@ class Builder:
     width: float
     depth: float
     parts: list[Part] = field(default_factory=list)
+    placed: list[Placed] = field(default_factory=list)
     objects: list[RoomObject] = field(default_factory=list)
     surfaces: list[Surface] = field(default_factory=list)
     taken: list[tuple[float, float, float, float, float]] = field(default_factory=list)
@@ -125,21 +150,35 @@ class Builder:
         repeat: float | None = None,
         solid: bool = True,
         emission: float = 0.0,
+        visible: bool = True,
     ) -> None:
         """Add one part given in a local frame."""
         f = frame.at(*centre)
+        self._cover(owner, f, half[:2])
+        self.parts.append(
+            Part(
+                shape, (f.x, f.y, f.z), half, frame.yaw, colour, texture, repeat, owner, solid,
+                emission, visible,
+            )
+        )  # fmt: skip
+
+    def _cover(self, owner: int, frame: Frame, half: tuple[float, float]) -> None:
+        """Let the footprint of an object reach as far as a rectangle around a frame."""
         c, s = abs(math.cos(frame.yaw)), abs(math.sin(frame.yaw))
         ex, ey = c * half[0] + s * half[1], s * half[0] + c * half[1]
         x0, y0, x1, y1 = self.objects[owner].footprint
         self.objects[owner].footprint = (
-            min(x0, f.x - ex), min(y0, f.y - ey), max(x1, f.x + ex), max(y1, f.y + ey)
+            min(x0, frame.x - ex), min(y0, frame.y - ey),
+            max(x1, frame.x + ex), max(y1, frame.y + ey),
         )  # fmt: skip
-        self.parts.append(
-            Part(
-                shape, (f.x, f.y, f.z), half, frame.yaw, colour, texture, repeat, owner, solid,
-                emission,
-            )
-        )  # fmt: skip
+
+    def put(self, owner: int, frame: Frame, model: Model, boxes: Iterable[Box]) -> None:
+        """Add a model whose own frame is ``frame``, and the boxes that are touched of it."""
+        self.placed.append(Placed(model, frame, owner))
+        for box in boxes:
+            self.add(owner, "box", frame, box.centre, box.half, UNSEEN, visible=False)
+        width, depth, height = model.size
+        self._cover(owner, frame.at(0, 0, height / 2), (width / 2, depth / 2))
 
     def tone(self) -> tuple[Colour, str]:
         """One of the room's few furniture finishes (colour, texture)."""
@@ -167,13 +206,19 @@ class Builder:
             frame = self._wall_frame(width) if wall else self._free_frame(width, depth)
             if frame is None:
                 continue
-            centre = frame.at(0, depth / 2)
-            c, s = abs(math.cos(frame.yaw)), abs(math.sin(frame.yaw))
-            hx, hy = c * width / 2 + s * depth / 2, s * width / 2 + c * depth / 2
-            if self._free(centre.x, centre.y, hx, hy, gap):
-                self.taken.append((centre.x, centre.y, hx, hy, gap))
+            if self.take(frame, width, depth, gap):
                 return frame
         return None
+
+    def take(self, frame: Frame, width: float, depth: float, gap: float = 0.0) -> bool:
+        """Take the floor before a frame at the middle of a back edge; False where it is taken."""
+        centre = frame.at(0, depth / 2)
+        c, s = abs(math.cos(frame.yaw)), abs(math.sin(frame.yaw))
+        hx, hy = c * width / 2 + s * depth / 2, s * width / 2 + c * depth / 2
+        if not self._free(centre.x, centre.y, hx, hy, gap):
+            return False
+        self.taken.append((centre.x, centre.y, hx, hy, gap))
+        return True
 
     def _wall_frame(self, width: float) -> Frame | None:
         k = int(self.rng.integers(4))

@@ -1,0 +1,135 @@
+"""What a robot touches of a model: boxes in bands of height, from dense samples of its surface.
+
+The robot is a cylinder from the floor to 0.351 m and a thin mast above it, so all that matters is
+where something is within each of those heights, and in the thin band that the LiDAR sees. Each band
+is a plan of 2 cm cells; what lies wholly enclosed is filled, as a sofa's skin is no place to stand;
+neighbouring cells become one box, which ends where the samples in it end.
+
+A finding of the hull's free places under tables with these boxes and with the samples themselves is
+in ``tests/sim/sweet_home``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+BANDS = ((0.01, 0.183), (0.183, 0.203), (0.203, 0.351), (0.351, 1.33))
+"""Bottom and top above the floor, metres: hull below the LiDAR's plane, the plane, hull, mast."""
+PLANE = 1
+"""Index of the LiDAR's band: its boxes fill it, so that the plane cuts them."""
+CELL_M = 0.02
+STEP_M = 0.2
+"""Things whose bottoms lie that far apart within a band do not share a box: a table's leg and top.
+"""
+SMALL_M = 0.3
+"""What is nowhere wider gets one box a band."""
+SAMPLES_A_CELL = 8
+MOST_SAMPLES = 400_000
+SEED = 0
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box with its sides along the model's axes: centre and half extents, metres."""
+
+    centre: tuple[float, float, float]
+    half: tuple[float, float, float]
+
+
+def samples(triangles: np.ndarray) -> np.ndarray:
+    """Points spread over a surface, always the same for the same surface.
+
+    Args:
+        triangles: float64 [T, 3, 3], corners, metres.
+
+    Returns:
+        float64 [N, 3], metres: ``SAMPLES_A_CELL`` for each cell's worth of surface, at most
+        ``MOST_SAMPLES``.
+    """
+    rng = np.random.default_rng(SEED)
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).cumsum() / 2
+    count = int(min(max(area[-1] / CELL_M**2 * SAMPLES_A_CELL, 1000), MOST_SAMPLES))
+    at = np.searchsorted(area, (np.arange(count) + rng.random(count)) / count * area[-1])
+    at = np.minimum(at, len(area) - 1)
+    u, v = rng.random((2, count, 1))
+    inside = u + v <= 1
+    u, v = np.where(inside, u, 1 - u), np.where(inside, v, 1 - v)
+    return a[at] + u * (b - a)[at] + v * (c - a)[at]
+
+
+def boxes(triangles: np.ndarray, z: float = 0.0) -> Iterator[Box]:
+    """The boxes of a model.
+
+    Args:
+        triangles: float64 [T, 3, 3], corners in the model's frame, metres.
+        z: height of the model's bottom above the floor, metres; above the mast there are none.
+    """
+    if z >= BANDS[-1][1]:
+        return
+    points = samples(triangles)
+    small = np.ptp(points[:, :2], axis=0).max() < SMALL_M
+    for i, (low, high) in enumerate(BANDS):
+        within = points[(points[:, 2] + z > low) & (points[:, 2] + z < high)]
+        if not len(within):
+            continue
+        found = [_around(within)] if small else list(_plan_boxes(within, low - z))
+        for bottom, top in found:
+            if i == PLANE:
+                bottom[2], top[2] = low - z, high - z
+            x, y, up = ((bottom + top) / 2).tolist()
+            p, q, r = np.maximum((top - bottom) / 2, 1e-3).tolist()
+            yield Box((x, y, up), (p, q, r))
+
+
+Corners = tuple[np.ndarray, np.ndarray]
+"""Lowest and highest corner, float64 [3], metres."""
+
+
+def _around(points: np.ndarray) -> Corners:
+    return points.min(0), points.max(0)
+
+
+def _plan_boxes(points: np.ndarray, floor: float) -> Iterator[Corners]:
+    """Boxes of one band whose bottom is at ``floor`` (m in the model's frame)."""
+    start = points[:, :2].min(0)
+    cells = ((points[:, :2] - start) / CELL_M).astype(int)
+    shape = tuple(cells.max(0) + 1)
+    low, high = np.full((*shape, 3), np.inf), np.full((*shape, 3), -np.inf)
+    where = tuple(cells.T)
+    np.minimum.at(low, where, points)
+    np.maximum.at(high, where, points)
+    taken = np.isfinite(low[..., 0])
+    enclosed = ndimage.binary_fill_holes(taken) & ~taken
+    corner = start + np.moveaxis(np.indices(shape), 0, -1) * CELL_M
+    low[enclosed, :2], high[enclosed, :2] = corner[enclosed], corner[enclosed] + CELL_M
+    low[enclosed, 2], high[enclosed, 2] = points[:, 2].min(), points[:, 2].max()
+    step = np.where(taken | enclosed, ((low[..., 2] - floor) / STEP_M), -1).astype(int)
+    for rows, columns in rectangles(step):
+        yield low[rows, columns].min((0, 1)), high[rows, columns].max((0, 1))
+
+
+def rectangles(kinds: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Cover cells of like kind with rectangles that do not overlap.
+
+    Args:
+        kinds: int [H, W], -1 where nothing is.
+    """
+    left = kinds.copy()
+    for i, j in np.argwhere(kinds >= 0):
+        kind = left[i, j]
+        if kind < 0:
+            continue
+        width = _run(left[i, j:] == kind)
+        height = _run((left[i:, j : j + width] == kind).all(1))
+        left[i : i + height, j : j + width] = -1
+        yield slice(i, i + height), slice(j, j + width)
+
+
+def _run(same: np.ndarray) -> int:
+    """How many of the first are true."""
+    return int(same.argmin()) if not same.all() else len(same)
