@@ -154,3 +154,6 @@ CAMERAS: Mapping[str, CameraSetUp] = MappingProxyType({
     "stock_wide": CameraSetUp(-0.06, 0.244, (66.0, 40.1), (448, 252), (0.0,)),
 })  # fmt: skip
 """The mast, and the TurtleBot 4 as it is sold: its small square picture and its whole one."""
+
+STOCK = frozenset({"stock_preview", "stock_wide"})
+"""Those of a TurtleBot 4 as it is sold, which do not tilt."""
