@@ -61,7 +61,7 @@ class DemoConfig:
     """Most decisions of an episode; 0: 100, and 200 in living rooms."""
     veto: bool = True
     """The LiDAR may forbid a MoveAhead."""
-    camera: Literal["mast", "preview"] = "mast"
+    camera: Literal["mast", "stock_wide", "stock_preview"] = "mast"
     """Camera of the robot: on a mast that tilts, or as sold, which does not."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""

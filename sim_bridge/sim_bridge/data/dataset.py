@@ -15,14 +15,16 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import cv2
 import numpy as np
 import tyro
 from tqdm import tqdm
 
 from cfnav_core.command import need, run_options
 from cfnav_core.files.whole import whole, writing
-from cfnav_core.perception.perception import BUILT_IN, OnnxPerception, Percept
-from cfnav_core.perception.picture_set import COARSE, FIELDS, HEAT, PictureSet
+from cfnav_core.perception.perception import OnnxPerception, Percept, built_in
+from cfnav_core.perception.picture_set import FIELDS, PictureSet
+from cfnav_core.perception.sight import CELL, Sight
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.task.camera import CameraSetUp
@@ -62,7 +64,8 @@ class RoomOptions:
     keep_pictures: bool = False
     """Keep every picture (68 kB a state), to make features again when perception changes."""
     camera: str = "mast"
-    """Whose view: mast, preview (a TurtleBot 4 as sold), or a JSON file like a scene's camera."""
+    """Whose view: mast, stock_wide or stock_preview (a TurtleBot 4 as sold: its whole picture, or
+    the small square one), or a JSON file like a scene's camera."""
     visual_shift: float = 0.0
     """Another light and lens than in training, 0 to 1 (sim_bridge.world.visual_shift); keep such
     rooms in a folder of their own."""
@@ -236,6 +239,7 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
         [CATEGORIES.index(o.name) if o.name in CATEGORIES else -1 for o in objects] + [-1]
     )
     flat = np.array([o.name in ("Floor", "Rug") for o in objects] + [False])
+    sight, percept = Sight.of(look.camera), built_in(look.camera)
     rng = np.random.default_rng(seed)
     states = rng.choice(len(grid.next_state), min(views, len(grid.next_state)), replace=False)
     rows = []
@@ -243,11 +247,11 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
         for state in states:
             pose = grid.pose(int(state))
             picture = camera.picture(pose)
-            owner, depth = _labelled(picture.owner), _labelled(picture.depth)
             rows.append((
-                BUILT_IN.preprocess(shifted(picture.rgb, look.visual_shift)),
-                _heat(category[owner]), _coarse(depth).astype(np.float16),
-                (_coarse(flat[owner]) * 255).astype(np.uint8),
+                percept.preprocess(shifted(picture.rgb, look.visual_shift)),
+                _heat(category[picture.owner], sight),
+                _coarse(picture.depth, sight).astype(np.float16),
+                (_coarse(flat[picture.owner], sight) * 255).astype(np.uint8),
                 camera.visible_categories(pose, picture.pixels(len(objects))),
             ))  # fmt: skip
     arrays = dict(zip(FIELDS, map(np.stack, zip(*rows, strict=True)), strict=True))
@@ -255,32 +259,24 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
     return len(states)
 
 
-LABELLED = 300
-"""Side of the maps that labels are counted in, pixels, whatever the picture's size."""
-
-
-def _labelled(full: np.ndarray) -> np.ndarray:
-    """A map of any size as [300, 300], by its nearest pixels; one of that size as it is."""
-    if full.shape == (LABELLED, LABELLED):
-        return full
-    rows, columns = (
-        ((np.arange(LABELLED) + 0.5) * side / LABELLED).astype(int) for side in full.shape
+def _coarse(full: np.ndarray, sight: Sight) -> np.ndarray:
+    """Mean of a map of the camera's picture over the coarse cells: float32 [*R]."""
+    rows, columns = sight.coarse
+    return np.asarray(
+        cv2.resize(full.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     )
-    return full[rows][:, columns]
 
 
-def _coarse(full: np.ndarray) -> np.ndarray:
-    """Mean of a [300, 300] map over 10x10 cells."""
-    return full.reshape(COARSE, 30, COARSE, 30).mean((1, 3))
-
-
-def _heat(category: np.ndarray) -> np.ndarray:
-    """uint8 [19, 19, C] pixels of each category per cell, from int [300, 300] category ids."""
-    padded = np.pad(category, 2, constant_values=-1)
-    cell = np.arange(HEAT * 16) // 16
-    index = (cell[:, None] * HEAT + cell[None]) * (len(CATEGORIES) + 1) + padded + 1
-    counts = np.bincount(index.ravel(), minlength=HEAT * HEAT * (len(CATEGORIES) + 1))
-    return np.minimum(counts.reshape(HEAT, HEAT, -1)[..., 1:], 255).astype(np.uint8)
+def _heat(category: np.ndarray, sight: Sight) -> np.ndarray:
+    """uint8 [*Q, C] pixels of each category per cell, from int [H, W] ids of the full picture."""
+    (rows, columns), side, kinds = sight.heat, 2 * CELL, len(CATEGORIES) + 1
+    spare = rows * side - category.shape[0], columns * side - category.shape[1]
+    around = [(gap // 2, gap - gap // 2) for gap in spare]
+    padded = np.pad(category, around, constant_values=-1)
+    down, across = np.arange(rows * side) // side, np.arange(columns * side) // side
+    index = (down[:, None] * columns + across) * kinds + padded + 1
+    counts = np.bincount(index.ravel(), minlength=rows * columns * kinds)
+    return np.minimum(counts.reshape(rows, columns, -1)[..., 1:], 255).astype(np.uint8)
 
 
 def _finished(kind: str, seed: int, options: RoomOptions, look: Look) -> bool:
@@ -318,7 +314,7 @@ def run(options: RoomOptions) -> None:
     look = Look(
         CameraSetUp.read(options.camera), perception, options.visual_shift, options.keep_pictures
     )
-    percept = BUILT_IN if options.views else OnnxPerception(perception).gives
+    percept = built_in(look.camera) if options.views else OnnxPerception(perception).gives
     percept.check_size(*look.camera.size[::-1])
     todo = [r for r in rooms if not _finished(*r, options, look)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
