@@ -1,0 +1,243 @@
+"""Judge perception networks on real pictures: ``python -m studies.eyes.real``.
+
+A picture is cut to the largest centred window of the network's aspect, a square for the built-in
+network, and detectors get the same cut. A thing counts as shown when two fifths of its box lie in
+the cut; what is unclear is not counted. A picture that is smaller than the network's input is
+enlarged. Writes real.md, real.json and a page of pictures for each network.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from cfnav_core.command import command_line, run_options
+from cfnav_core.files.json_file import write_json
+from cfnav_core.files.provenance import commit, sha256
+from cfnav_core.files.whole import write_file
+from cfnav_core.perception.perception import OnnxPerception
+from cfnav_core.policy.bundle import shipped_perception
+from cfnav_core.task.detections import confidence_column
+from cfnav_core.task.vocabulary import CATEGORIES
+from studies.engine.pages import table
+from studies.eyes.detectors import CATEGORY_OF, Detector
+from studies.eyes.draw import draw, tile, words
+from studies.eyes.fetch import CACHE, picture_path
+from studies.eyes.judge import ENOUGH, Judgement, difference, judge
+from studies.eyes.pictures import TABLE, Crop, Picture, crop, load_pictures, read_rgb
+
+EVEN = 0.5
+"""Recall at which the false alarms of networks are compared."""
+
+OF_COCO = np.array([name in CATEGORY_OF.values() for name in CATEGORIES])
+
+
+@dataclass(frozen=True)
+class RealOptions:
+    """Judge perception networks and COCO detectors on real pictures."""
+
+    perception: tuple[Path, ...] = ()
+    """ONNX files of perception networks of one aspect; the shipped bundle's when absent."""
+    detector: tuple[Path, ...] = ()
+    """ONNX files of COCO detectors (python -m studies.eyes.fetch --detectors)."""
+    cache: Path = CACHE
+    """Folder of the fetched pictures (python -m studies.eyes.fetch)."""
+    out: Path = Path("out/eyes/real")
+    """Folder of the results."""
+    pictures: Path = TABLE
+    """Table of the pictures."""
+
+
+Scores = Callable[[np.ndarray], np.ndarray]
+"""From uint8 [H, W, 3] to how surely each category is shown, float [C], NaN where unknown."""
+
+
+def perception_scores(network: OnnxPerception) -> Scores:
+    """How surely a perception sees each of ``CATEGORIES``."""
+    gives = network.gives
+    column = confidence_column(gives.fields)
+    high, wide = gives.size
+
+    def scores(rgb: np.ndarray) -> np.ndarray:
+        if rgb.shape[0] < high or rgb.shape[1] < wide:
+            large = Image.fromarray(rgb).resize((wide, high), Image.Resampling.BILINEAR)
+            rgb = np.asarray(large)
+        table = network.observe(rgb).detections[0]
+        out = np.full(len(CATEGORIES), np.nan)
+        for row, name in zip(table, gives.objects, strict=True):
+            if name in CATEGORIES:
+                out[CATEGORIES.index(name)] = row[column]
+        return out
+
+    return scores
+
+
+@dataclass(frozen=True)
+class Network:
+    """Something to judge.
+
+    Attributes:
+        name: for tables and files.
+        sha256: of its file.
+        scores: of a picture.
+    """
+
+    name: str
+    sha256: str
+    scores: Scores
+
+
+def networks(options: RealOptions) -> tuple[list[Network], float]:
+    """What is to be judged, and the aspect that pictures are cut to.
+
+    Raises:
+        ValueError: a file cannot be used, or perceptions of several aspects.
+    """
+    found, aspects = [], set()
+    for path in options.perception or (shipped_perception(),):
+        perception = OnnxPerception(path)
+        aspects.add(perception.gives.size[1] / perception.gives.size[0])
+        name = path.stem if options.perception else "shipped perception"
+        found.append(Network(name, sha256(path), perception_scores(perception)))
+    if len(aspects) > 1:
+        raise ValueError(
+            f"found perceptions of the aspects {sorted(aspects)}, expected one; judge each shape "
+            "in a run of its own"
+        )
+    for path in options.detector:
+        detector = Detector(path)
+        found.append(Network(detector.name, sha256(path), detector.scores))
+    names = [network.name for network in found]
+    if len({*names}) < len(names):
+        raise ValueError(f"found networks named {', '.join(names)}, expected names of their own")
+    return found, aspects.pop()
+
+
+def cut_pictures(options: RealOptions, aspect: float) -> tuple[list[Picture], list[Crop]]:
+    """Every picture that was fetched, cut.
+
+    Raises:
+        ValueError: there are fewer than ``ENOUGH``.
+    """
+    _, pictures = load_pictures(options.pictures)
+    there = [p for p in pictures if picture_path(options.cache, p).exists()]
+    if len(there) < ENOUGH:
+        raise ValueError(
+            f"found {len(there)} pictures in {options.cache}, expected {len(pictures)}; bring them "
+            "with python -m studies.eyes.fetch"
+        )
+    if len(there) < len(pictures):
+        print(f"{len(pictures) - len(there)} of {len(pictures)} pictures are not there")
+    return there, [crop(p, read_rgb(picture_path(options.cache, p)), aspect) for p in there]
+
+
+def _figure(value: float, ends: tuple[float, float]) -> str:
+    return f"{value:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]"
+
+
+def as_markdown(found: Sequence[tuple[str, Judgement, Judgement]], labels: np.ndarray) -> str:
+    """Tables: each network in short, and the AUC of every category.
+
+    Args:
+        found: name, judged at 0.5 and judged at a recall of ``EVEN``.
+        labels: int8 [n, C].
+    """
+    short = table(
+        {
+            "network": lambda row: row[0],
+            "categories": lambda row: f"{len(row[1].categories)} of {row[1].asked}",
+            "mean AUC": lambda row: _figure(row[1].mean_auc, row[1].mean_auc_interval),
+            "recall at 0.5": lambda row: _figure(row[1].recall, row[1].recall_interval),
+            "false alarms a picture at 0.5": lambda row: _figure(
+                row[1].false_alarms, row[1].false_alarms_interval
+            ),
+            f"threshold for recall {EVEN}": lambda row: f"{row[2].threshold:.3f}",
+            "false alarms a picture there": lambda row: _figure(
+                row[2].false_alarms, row[2].false_alarms_interval
+            ),
+        },
+        found,
+    )
+    names = [c for c in range(len(CATEGORIES)) if (labels[:, c] == 1).any()]
+    columns: dict[str, Callable] = {
+        "category": lambda c: CATEGORIES[c],
+        "shown in": lambda c: str(int((labels[:, c] == 1).sum())),
+        "not in": lambda c: str(int((labels[:, c] == 0).sum())),
+    }
+    for name, judgement, _ in found:
+        columns[name] = lambda c, auc=judgement.auc: (
+            f"{auc[CATEGORIES[c]]:.2f}" if CATEGORIES[c] in auc else ""
+        )
+    return f"{short}\n{table(columns, names)}"
+
+
+def run(options: RealOptions, command: str) -> str:
+    """Judge, write and draw.
+
+    Returns:
+        The page for people.
+
+    Raises:
+        ValueError: networks or pictures cannot be used.
+    """
+    judged, aspect = networks(options)
+    pictures, crops = cut_pictures(options, aspect)
+    labels = np.stack([cut.labels for cut in crops])
+    scores = {n.name: np.stack([n.scores(cut.rgb) for cut in crops]) for n in judged}
+    every = np.ones(len(CATEGORIES), bool)
+    pages, rows = [], {}
+    for title, among in (("COCO's categories", OF_COCO), ("All categories", every)):
+        known = {n: s for n, s in scores.items() if not np.isnan(s[:, among]).any()}
+        if not known:
+            continue
+        found = [
+            (name, judge(s, labels, among), judge(s, labels, among, EVEN))
+            for name, s in known.items()
+        ]
+        pages.append(f"{title}:\n\n{as_markdown(found, labels[:, :] * among)}")
+        rows[title] = {name: {"at_half": asdict(a), "even": asdict(b)} for name, a, b in found}
+    first, *others = judged
+    behind = {n.name: difference(scores[first.name], scores[n.name], labels, every) for n in others}
+    kinds = {kind: sum(p.kind == kind for p in pictures) for kind in {p.kind for p in pictures}}
+    head = f"{len(pictures)} pictures: {', '.join(f'{kinds[k]} of a {k}' for k in sorted(kinds))}"
+    lines = [
+        f"Mean AUC of {first.name} less that of {name}, on the same categories: {gain:+.2f} "
+        f"[{ends[0]:+.2f}, {ends[1]:+.2f}]"
+        for name, (gain, ends) in behind.items()
+    ]
+    page = "\n".join([f"{head}.\n", *pages, *lines, ""])
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_file(options.out / "real.md", page)
+    write_json(options.out / "real.json", {
+        "command": command, "commit": commit(), "rows": rows, "gains": behind,
+        "networks": {n.name: n.sha256 for n in judged},
+        "scores": {
+            p.name: {
+                n: {c: round(float(v), 4) for c, v in zip(CATEGORIES, s[k]) if not np.isnan(v)}
+                for n, s in scores.items()
+            }
+            for k, p in enumerate(pictures)
+        },
+    })  # fmt: skip
+    for name, s in scores.items():
+        tiles = [
+            tile(cut.rgb, [b for of in cut.boxes.values() for b in of], p.name,
+                 words(CATEGORIES, s[k], cut.labels, 0.5))
+            for k, (p, cut) in enumerate(zip(pictures, crops, strict=True))
+        ]  # fmt: skip
+        draw(tiles, options.out / f"{name.replace(' ', '_')}.jpg")
+    return page
+
+
+def main(options: RealOptions) -> None:
+    """Judge and print the page."""
+    print(run(options, command_line()))
+
+
+if __name__ == "__main__":
+    sys.exit(run_options("real", RealOptions, main))
