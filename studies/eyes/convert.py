@@ -49,7 +49,8 @@ def unfused(node: tf.compat.v1.NodeDef) -> list[tf.compat.v1.NodeDef]:
     if kind not in {"Conv2D", "DepthwiseConv2dNative"} or "fused_ops" not in node.attr:
         return [node]
     steps = ["", *(op.decode() for op in node.attr["fused_ops"].list.s)]
-    found, extra = [], list(node.input[2:])
+    found: list[tf.compat.v1.NodeDef] = []
+    extra = list(node.input[2:])
     for at, op in enumerate(steps):
         name = node.name if at == len(steps) - 1 else f"{node.name}/step{at}"
         made = tf.compat.v1.NodeDef(name=name, op=op or kind)

@@ -2,8 +2,8 @@
 
 Each takes a picture as it was trained: NanoDet (its g-416, 22.9 mAP on COCO) at its aspect within
 416x416 and black around it, in BGR with ImageNet's means; COCO-SSD squeezed to 300x300. How
-CenterNet was trained is not told; it is given 512x512, squeezed. ``Detector.scores`` says of each of
-cfnav's categories how surely it is shown; those that COCO does not know have no score.
+CenterNet was trained is not told; it is given 512x512, squeezed. ``Detector.scores`` says how
+surely each of cfnav's categories is shown; those that COCO does not know have no score.
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ from cfnav_core.task.vocabulary import CATEGORIES
 from studies.eyes.pictures import Box
 
 COCO = (
-    "person bicycle car motorcycle airplane bus train truck boat traffic_light fire_hydrant "
-    "stop_sign parking_meter bench bird cat dog horse sheep cow elephant bear zebra giraffe "
-    "backpack umbrella handbag tie suitcase frisbee skis snowboard sports_ball kite baseball_bat "
-    "baseball_glove skateboard surfboard tennis_racket bottle wine_glass cup fork knife spoon "
-    "bowl banana apple sandwich orange broccoli carrot hot_dog pizza donut cake chair couch "
-    "potted_plant bed dining_table toilet tv laptop mouse remote keyboard cell_phone microwave "
-    "oven toaster sink refrigerator book clock vase scissors teddy_bear hair_drier toothbrush"
-).split()
+    "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat",
+    "traffic_light", "fire_hydrant", "stop_sign", "parking_meter", "bench", "bird", "cat", "dog",
+    "horse", "sheep", "cow", "elephant", "bear", "zebra", "giraffe", "backpack", "umbrella",
+    "handbag", "tie", "suitcase", "frisbee", "skis", "snowboard", "sports_ball", "kite",
+    "baseball_bat", "baseball_glove", "skateboard", "surfboard", "tennis_racket", "bottle",
+    "wine_glass", "cup", "fork", "knife", "spoon", "bowl", "banana", "apple", "sandwich",
+    "orange", "broccoli", "carrot", "hot_dog", "pizza", "donut", "cake", "chair", "couch",
+    "potted_plant", "bed", "dining_table", "toilet", "tv", "laptop", "mouse", "remote",
+    "keyboard", "cell_phone", "microwave", "oven", "toaster", "sink", "refrigerator", "book",
+    "clock", "vase", "scissors", "teddy_bear", "hair_drier", "toothbrush",
+)  # fmt: skip
 """COCO's 80 classes in order."""
 
 _SKIPPED = {12, 26, 29, 30, 45, 66, 68, 69, 71, 83}
@@ -101,7 +104,7 @@ class Detector:
         boxes, scores = self._run(rgb)
         boxes = boxes.clip(0, 1) * np.tile(rgb.shape[1::-1], 2)
         found = [
-            Found(COCO[c], float(scores[k, c]), tuple(map(float, boxes[k])))
+            Found(COCO[c], float(scores[k, c]), _box(boxes[k]))
             for c in np.flatnonzero(scores.max(0) > least)
             for k in kept(boxes, scores[:, c], least)
         ]
@@ -114,6 +117,11 @@ class Detector:
         for name, category in CATEGORY_OF.items():
             out[CATEGORIES.index(category)] = best[COCO.index(name)]
         return out
+
+
+def _box(ends: np.ndarray) -> Box:
+    left, top, right, bottom = map(float, ends)
+    return left, top, right, bottom
 
 
 def kept(boxes: np.ndarray, scores: np.ndarray, least: float) -> list[int]:

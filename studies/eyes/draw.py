@@ -50,8 +50,8 @@ def tile(rgb: np.ndarray, boxes: Sequence[Box], title: str, below: Words) -> np.
     page = np.full((TILE + (LINES + 1) * LINE, TILE, 3), 255, np.uint8)
     small = cv2.resize(rgb[..., ::-1], size, interpolation=cv2.INTER_AREA)
     for x0, y0, x1, y1 in boxes:
-        corners = [(round(x * scale), round(y * scale)) for x, y in ((x0, y0), (x1, y1))]
-        cv2.rectangle(small, *corners, GREEN, 1)
+        low, high = (round(x0 * scale), round(y0 * scale)), (round(x1 * scale), round(y1 * scale))
+        cv2.rectangle(small, low, high, GREEN, 1)
     page[: size[1], : size[0]] = small
     for row, (text, colour) in enumerate([(title, BLACK), *below[:LINES]]):
         at = (2, TILE + row * LINE + 11)

@@ -117,6 +117,8 @@ def interval(figure: Callable[[np.ndarray], float], pictures: int, seed: int) ->
     """95 % interval of a figure, pictures drawn anew."""
     rng = np.random.default_rng(seed)
     drawn = [figure(rng.integers(pictures, size=pictures)) for _ in range(SAMPLES)]
+    if np.isnan(drawn).all():
+        return float("nan"), float("nan")
     low, high = np.nanpercentile(drawn, (2.5, 97.5))
     return float(low), float(high)
 

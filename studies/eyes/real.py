@@ -9,9 +9,11 @@ enlarged. Writes real.md, real.json and a page of pictures for each network.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -34,7 +36,13 @@ from studies.eyes.pictures import TABLE, Crop, Picture, crop, load_pictures, rea
 EVEN = 0.5
 """Recall at which the false alarms of networks are compared."""
 
-OF_COCO = np.array([name in CATEGORY_OF.values() for name in CATEGORIES])
+ALL = "All categories"
+
+AMONG = {
+    "COCO's categories": np.array([name in CATEGORY_OF.values() for name in CATEGORIES]),
+    ALL: np.ones(len(CATEGORIES), bool),
+}
+"""Which categories are judged together; a network that does not know all of them is left out."""
 
 
 @dataclass(frozen=True)
@@ -176,6 +184,21 @@ def as_markdown(found: Sequence[tuple[str, Judgement, Judgement]], labels: np.nd
     return f"{short}\n{table(columns, names)}"
 
 
+@dataclass(frozen=True)
+class Seen:
+    """Pictures, their labels, and what the networks say of them.
+
+    Attributes:
+        pictures: N of them. crops: of each. labels: int8 [N, C].
+        scores: float [N, C] by network, NaN of categories that it does not know.
+    """
+
+    pictures: Sequence[Picture]
+    crops: Sequence[Crop]
+    labels: np.ndarray
+    scores: Mapping[str, np.ndarray]
+
+
 def run(options: RealOptions, command: str) -> str:
     """Judge, write and draw.
 
@@ -185,53 +208,93 @@ def run(options: RealOptions, command: str) -> str:
     Raises:
         ValueError: networks or pictures cannot be used.
     """
-    judged, aspect = networks(options)
+    asked, aspect = networks(options)
     pictures, crops = cut_pictures(options, aspect)
-    labels = np.stack([cut.labels for cut in crops])
-    scores = {n.name: np.stack([n.scores(cut.rgb) for cut in crops]) for n in judged}
-    every = np.ones(len(CATEGORIES), bool)
-    pages, rows = [], {}
-    for title, among in (("COCO's categories", OF_COCO), ("All categories", every)):
-        known = {n: s for n, s in scores.items() if not np.isnan(s[:, among]).any()}
-        if not known:
-            continue
-        found = [
-            (name, judge(s, labels, among), judge(s, labels, among, EVEN))
-            for name, s in known.items()
-        ]
-        pages.append(f"{title}:\n\n{as_markdown(found, labels[:, :] * among)}")
-        rows[title] = {name: {"at_half": asdict(a), "even": asdict(b)} for name, a, b in found}
-    first, *others = judged
-    behind = {n.name: difference(scores[first.name], scores[n.name], labels, every) for n in others}
-    kinds = {kind: sum(p.kind == kind for p in pictures) for kind in {p.kind for p in pictures}}
-    head = f"{len(pictures)} pictures: {', '.join(f'{kinds[k]} of a {k}' for k in sorted(kinds))}"
-    lines = [
-        f"Mean AUC of {first.name} less that of {name}, on the same categories: {gain:+.2f} "
-        f"[{ends[0]:+.2f}, {ends[1]:+.2f}]"
-        for name, (gain, ends) in behind.items()
-    ]
-    page = "\n".join([f"{head}.\n", *pages, *lines, ""])
+    seen = Seen(
+        pictures, crops, np.stack([cut.labels for cut in crops]),
+        {n.name: np.stack([n.scores(cut.rgb) for cut in crops]) for n in asked},
+    )  # fmt: skip
+    judged = {title: judgements(seen, among) for title, among in AMONG.items()}
+    first, *others = (n.name for n in asked)
+    gains = {
+        name: difference(seen.scores[first], seen.scores[name], seen.labels, AMONG[ALL])
+        for name in others
+    }
+    kinds = Counter(picture.kind for picture in pictures)
+    head = ", ".join(f"{count} of a {kind}" for kind, count in sorted(kinds.items()))
+    page = "\n".join([
+        f"{len(pictures)} pictures: {head}.\n",
+        *(
+            f"{title}:\n\n{as_markdown(found, seen.labels * AMONG[title])}"
+            for title, found in judged.items() if found
+        ),
+        *(
+            f"Mean AUC of {first} less that of {name}, on the same categories: {gain:+.2f} "
+            f"[{ends[0]:+.2f}, {ends[1]:+.2f}]"
+            for name, (gain, ends) in gains.items()
+        ),
+        "",
+    ])  # fmt: skip
     options.out.mkdir(parents=True, exist_ok=True)
     write_file(options.out / "real.md", page)
-    write_json(options.out / "real.json", {
-        "command": command, "commit": commit(), "rows": rows, "gains": behind,
-        "networks": {n.name: n.sha256 for n in judged},
-        "scores": {
-            p.name: {
-                n: {c: round(float(v), 4) for c, v in zip(CATEGORIES, s[k]) if not np.isnan(v)}
-                for n, s in scores.items()
-            }
-            for k, p in enumerate(pictures)
-        },
-    })  # fmt: skip
-    for name, s in scores.items():
-        tiles = [
-            tile(cut.rgb, [b for of in cut.boxes.values() for b in of], p.name,
-                 words(CATEGORIES, s[k], cut.labels, 0.5))
-            for k, (p, cut) in enumerate(zip(pictures, crops, strict=True))
-        ]  # fmt: skip
-        draw(tiles, options.out / f"{name.replace(' ', '_')}.jpg")
+    rows = {
+        title: {name: {"at_half": asdict(a), "even": asdict(b)} for name, a, b in found}
+        for title, found in judged.items()
+    }
+    write_json(options.out / "real.json", _plain({
+        "command": command, "commit": commit(), "rows": rows, "gains": gains,
+        "networks": {n.name: n.sha256 for n in asked}, "scores": _scores_by_picture(seen),
+    }))  # fmt: skip
+    _draw(seen, options.out)
     return page
+
+
+def judgements(seen: Seen, among: np.ndarray) -> list[tuple[str, Judgement, Judgement]]:
+    """Each network that knows all of some categories: judged at 0.5, and at a recall of ``EVEN``.
+
+    Args:
+        seen: by the networks.
+        among: bool [C].
+    """
+    return [
+        (name, judge(s, seen.labels, among), judge(s, seen.labels, among, EVEN))
+        for name, s in seen.scores.items()
+        if not np.isnan(s[:, among]).any()
+    ]
+
+
+def _scores_by_picture(seen: Seen) -> dict[str, dict[str, dict[str, float]]]:
+    return {
+        picture.name: {
+            name: {
+                category: round(float(value), 4)
+                for category, value in zip(CATEGORIES, s[k], strict=True)
+                if not np.isnan(value)
+            }
+            for name, s in seen.scores.items()
+        }
+        for k, picture in enumerate(seen.pictures)
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Figures as JSON has them: None where there is no number."""
+    if isinstance(value, dict):
+        return {key: _plain(of) for key, of in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(of) for of in value]
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+def _draw(seen: Seen, out: Path) -> None:
+    """A page of pictures for each network."""
+    for name, s in seen.scores.items():
+        tiles = [
+            tile(cut.rgb, [box for boxes in cut.boxes.values() for box in boxes], picture.name,
+                 words(CATEGORIES, s[k], cut.labels, 0.5))
+            for k, (picture, cut) in enumerate(zip(seen.pictures, seen.crops, strict=True))
+        ]  # fmt: skip
+        draw(tiles, out / f"{name.replace(' ', '_')}.jpg")
 
 
 def main(options: RealOptions) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -108,12 +108,13 @@ def things_of(owner: np.ndarray, names: list[str]) -> tuple[tuple[str, Box], ...
         owner: int [H, W], index into ``names`` of what is seen there, -1 for none.
         names: of things.
     """
-    found = []
+    found: list[tuple[str, Box]] = []
     for k, name in enumerate(names):
         rows, columns = np.nonzero(owner == k)
         if name in CLASSES and len(rows) >= LEAST_SHARE * owner.size:
             ends = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-            found.append((name, tuple(map(float, ends))))
+            left, top, right, bottom = map(float, ends)
+            found.append((name, (left, top, right, bottom)))
     return tuple(found)
 
 
@@ -137,15 +138,45 @@ def is_found(name: str, box: Box, found: list[Found]) -> bool:
     return bool(boxes) and bool(overlap(np.array(box), np.stack(boxes)).max() >= OVERLAP)
 
 
-def main(options: RealismOptions) -> None:
-    """Count and print.
+@dataclass(frozen=True)
+class Counts:
+    """Things by name and group.
+
+    Attributes:
+        pictures: that were looked at.
+        there: that fill enough of a picture. found: of these.
+    """
+
+    pictures: int
+    there: Counter[tuple[str, str]]
+    found: Counter[tuple[str, str]]
+
+    def of(self, place: int, key: str) -> tuple[int, int]:
+        """How many were found, and are there, of a name (place 0) or in a group (place 1)."""
+        found, there = (
+            sum(count for at, count in which.items() if at[place] == key)
+            for which in (self.found, self.there)
+        )
+        return found, there
+
+    def recall(self) -> tuple[float, tuple[float, float]]:
+        """Share that was found, and its 95 % interval over groups."""
+        groups = sorted({group for _, group in self.there})
+        by_group = np.array([self.of(1, group) for group in groups])
+
+        def share(index: np.ndarray) -> float:
+            found, there = by_group[index].sum(0)
+            return float(found / max(there, 1))
+
+        return share(np.arange(len(groups))), interval(share, len(groups), 0)
+
+
+def count(views: Iterable[View], detector: Detector) -> Counts:
+    """What a detector finds.
 
     Raises:
-        ValueError: rooms, pictures or the detector cannot be used, or nothing is to be found.
+        ValueError: there is nothing to be found.
     """
-    detector = Detector(options.detector)
-    real = options.furniture == "real"
-    views = views_of_pictures(options.cache) if real else views_of_rooms(options)
     there: Counter[tuple[str, str]] = Counter()
     hits: Counter[tuple[str, str]] = Counter()
     pictures = 0
@@ -157,32 +188,31 @@ def main(options: RealismOptions) -> None:
             hits[name, view.group] += is_found(name, box, found)
     if not there:
         raise ValueError(f"found nothing of COCO's classes in {pictures} pictures; give more")
-    groups = sorted({group for _, group in there})
-    counts = np.array([
-        [sum(n for (_, of), n in which.items() if of == group) for group in groups]
-        for which in (hits, there)
-    ])  # fmt: skip
+    return Counts(pictures, there, hits)
 
-    def recall(index: np.ndarray) -> float:
-        right, every = counts[:, index].sum(1)
-        return float(right / max(every, 1))
 
-    low, high = interval(recall, len(groups), 0)
-    names = sorted({name for name, _ in there})
-    rows = {
-        name: [sum(n for (of, _), n in which.items() if of == name) for which in (hits, there)]
-        for name in names
-    }
-    right, every = map(int, counts.sum(1))
+def main(options: RealismOptions) -> None:
+    """Count and print.
+
+    Raises:
+        ValueError: rooms, pictures or the detector cannot be used, or nothing is to be found.
+    """
+    detector = Detector(options.detector)
+    real = options.furniture == "real"
+    views = views_of_pictures(options.cache) if real else views_of_rooms(options)
+    counts = count(views, detector)
+    recall, ends = counts.recall()
+    found, things = counts.found.total(), counts.there.total()
+    rows = {name: counts.of(0, name) for name in sorted({name for name, _ in counts.there})}
     print(
-        f"{options.furniture}: {detector.name} finds {right} of {every} things in {pictures} "
-        f"pictures, {right / every:.2f} [{low:.2f}, {high:.2f}]"
+        f"{options.furniture}: {detector.name} finds {found} of {things} things in "
+        f"{counts.pictures} pictures, {recall:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]"
     )
     print(", ".join(f"{name} {n}/{of}" for name, (n, of) in rows.items()))
     if options.json is not None:
         write_json(options.json, {
-            "command": command_line(), "commit": commit(), "found": right, "things": every,
-            "recall": right / every, "interval": [low, high], "pictures": pictures,
+            "command": command_line(), "commit": commit(), "found": found, "things": things,
+            "recall": recall, "interval": ends, "pictures": counts.pictures,
             "by_name": rows, "detector": sha256(options.detector),
         })  # fmt: skip
 
