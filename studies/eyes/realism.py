@@ -34,14 +34,17 @@ SCORE = 0.3
 OVERLAP = 0.3
 """Intersection through union of a detection and a thing for it to be found."""
 
+ENOUGH = 5
+"""Things of a class for it to count in the mean over classes."""
+
 CLASSES: dict[str, tuple[str, ...]] = {
     **{category: (name,) for name, category in CATEGORY_OF.items()},
     "ArmChair": ("chair", "couch"),
     "Sofa": ("couch",), "sofa": ("couch",), "Bed": ("bed",), "bed_double": ("bed",),
     "bed_single": ("bed",), "Toilet": ("toilet",), "toilet": ("toilet",),
 }  # fmt: skip
-"""COCO's classes by the name of a thing in a room or a category; tables of many kinds are not
-asked for."""
+"""COCO's classes by the name of a thing in a room or a category, the one that it is counted under
+first; tables of many kinds are not asked for."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ def is_found(name: str, box: Box, found: list[Found]) -> bool:
 
 @dataclass(frozen=True)
 class Counts:
-    """Things by name and group.
+    """Things by COCO's class and by group.
 
     Attributes:
         pictures: that were looked at.
@@ -152,12 +155,16 @@ class Counts:
     found: Counter[tuple[str, str]]
 
     def of(self, place: int, key: str) -> tuple[int, int]:
-        """How many were found, and are there, of a name (place 0) or in a group (place 1)."""
+        """How many were found, and are there, of a class (place 0) or in a group (place 1)."""
         found, there = (
             sum(count for at, count in which.items() if at[place] == key)
             for which in (self.found, self.there)
         )
         return found, there
+
+    def by_class(self) -> dict[str, tuple[int, int]]:
+        """How many were found, and are there, of each class."""
+        return {name: self.of(0, name) for name in sorted({name for name, _ in self.there})}
 
     def recall(self) -> tuple[float, tuple[float, float]]:
         """Share that was found, and its 95 % interval over groups."""
@@ -184,8 +191,8 @@ def count(views: Iterable[View], detector: Detector) -> Counts:
         pictures += 1
         found = detector(view.rgb, SCORE)
         for name, box in view.things:
-            there[name, view.group] += 1
-            hits[name, view.group] += is_found(name, box, found)
+            there[CLASSES[name][0], view.group] += 1
+            hits[CLASSES[name][0], view.group] += is_found(name, box, found)
     if not there:
         raise ValueError(f"found nothing of COCO's classes in {pictures} pictures; give more")
     return Counts(pictures, there, hits)
@@ -202,18 +209,20 @@ def main(options: RealismOptions) -> None:
     views = views_of_pictures(options.cache) if real else views_of_rooms(options)
     counts = count(views, detector)
     recall, ends = counts.recall()
+    by_class = counts.by_class()
+    even = [n / of for n, of in by_class.values() if of >= ENOUGH]
     found, things = counts.found.total(), counts.there.total()
-    rows = {name: counts.of(0, name) for name in sorted({name for name, _ in counts.there})}
     print(
         f"{options.furniture}: {detector.name} finds {found} of {things} things in "
-        f"{counts.pictures} pictures, {recall:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]"
+        f"{counts.pictures} pictures, {recall:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]; mean over the "
+        f"{len(even)} classes of {ENOUGH} things or more {np.mean(even or [np.nan]):.2f}"
     )
-    print(", ".join(f"{name} {n}/{of}" for name, (n, of) in rows.items()))
+    print(", ".join(f"{name} {n}/{of}" for name, (n, of) in by_class.items()))
     if options.json is not None:
         write_json(options.json, {
             "command": command_line(), "commit": commit(), "found": found, "things": things,
             "recall": recall, "interval": ends, "pictures": counts.pictures,
-            "by_name": rows, "detector": sha256(options.detector),
+            "by_class": by_class, "detector": sha256(options.detector),
         })  # fmt: skip
 
 
