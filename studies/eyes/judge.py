@@ -83,10 +83,8 @@ def judge(
     counts = [(labels == value).sum(0) for value in (1, 0)]
     counted = np.flatnonzero(known & (np.minimum(*counts) >= ENOUGH))
     some = np.flatnonzero(known & (np.minimum(*counts) > 0))
-    threshold = 0.5
-    if recall is not None:
-        of_shown = np.sort(scores[:, known][labels[:, known] == 1])[::-1]
-        threshold = float(of_shown[max(0, round(recall * len(of_shown)) - 1)])
+    of_shown = scores[:, known][labels[:, known] == 1]
+    threshold = 0.5 if recall is None or not len(of_shown) else threshold_for(recall, of_shown)
     hit = (scores >= threshold) & known
     shown, absent = (labels == 1) & known, (labels == 0) & known
 
@@ -111,6 +109,11 @@ def judge(
         precision=right / max(1, right + wrong),
         categories=tuple(CATEGORIES[c] for c in counted), asked=int(known.sum()),
     )  # fmt: skip
+
+
+def threshold_for(recall: float, shown: np.ndarray) -> float:
+    """The score at or above which this share of the scores of what is shown, float [n], lie."""
+    return float(np.sort(shown)[::-1][max(0, round(recall * len(shown)) - 1)])
 
 
 def interval(figure: Callable[[np.ndarray], float], pictures: int, seed: int) -> Interval:

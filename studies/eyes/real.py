@@ -109,8 +109,12 @@ def networks(options: RealOptions) -> tuple[list[Network], float]:
     found, aspects = [], set()
     for path in options.perception or (shipped_perception(),):
         perception = OnnxPerception(path)
+        if not perception.gives.objects:
+            raise ValueError(f"found a perception that detects nothing at {path}, expected objects")
         aspects.add(perception.gives.size[1] / perception.gives.size[0])
-        name = path.stem if options.perception else "shipped perception"
+        alike = sum(path.stem == other.stem for other in options.perception) > 1
+        name = f"{path.parent.name}/{path.stem}" if alike else path.stem
+        name = name if options.perception else "shipped perception"
         found.append(Network(name, sha256(path), perception_scores(perception)))
     if len(aspects) > 1:
         raise ValueError(
@@ -220,21 +224,7 @@ def run(options: RealOptions, command: str) -> str:
         name: difference(seen.scores[first], seen.scores[name], seen.labels, AMONG[ALL])
         for name in others
     }
-    kinds = Counter(picture.kind for picture in pictures)
-    head = ", ".join(f"{count} of a {kind}" for kind, count in sorted(kinds.items()))
-    page = "\n".join([
-        f"{len(pictures)} pictures: {head}.\n",
-        *(
-            f"{title}:\n\n{as_markdown(found, seen.labels * AMONG[title])}"
-            for title, found in judged.items() if found
-        ),
-        *(
-            f"Mean AUC of {first} less that of {name}, on the same categories: {gain:+.2f} "
-            f"[{ends[0]:+.2f}, {ends[1]:+.2f}]"
-            for name, (gain, ends) in gains.items()
-        ),
-        "",
-    ])  # fmt: skip
+    page = _page(seen, judged, gains)
     options.out.mkdir(parents=True, exist_ok=True)
     write_file(options.out / "real.md", page)
     rows = {
@@ -247,6 +237,30 @@ def run(options: RealOptions, command: str) -> str:
     }))  # fmt: skip
     _draw(seen, options.out)
     return page
+
+
+def _page(
+    seen: Seen,
+    judged: Mapping[str, Sequence[tuple[str, Judgement, Judgement]]],
+    gains: Mapping[str, tuple[float, tuple[float, float]]],
+) -> str:
+    """Everything for people, in Markdown."""
+    first = next(iter(seen.scores))
+    kinds = Counter(picture.kind for picture in seen.pictures)
+    head = ", ".join(f"{count} of a {kind}" for kind, count in sorted(kinds.items()))
+    return "\n".join([
+        f"{len(seen.pictures)} pictures: {head}.\n",
+        *(
+            f"{title}:\n\n{as_markdown(found, seen.labels * AMONG[title])}"
+            for title, found in judged.items() if found
+        ),
+        *(
+            f"Mean AUC of {first} less that of {name}, on the same categories: {gain:+.2f} "
+            f"[{ends[0]:+.2f}, {ends[1]:+.2f}]"
+            for name, (gain, ends) in gains.items()
+        ),
+        "",
+    ])  # fmt: skip
 
 
 def judgements(seen: Seen, among: np.ndarray) -> list[tuple[str, Judgement, Judgement]]:
@@ -294,7 +308,7 @@ def _draw(seen: Seen, out: Path) -> None:
                  words(CATEGORIES, s[k], cut.labels, 0.5))
             for k, (picture, cut) in enumerate(zip(seen.pictures, seen.crops, strict=True))
         ]  # fmt: skip
-        draw(tiles, out / f"{name.replace(' ', '_')}.jpg")
+        draw(tiles, out / f"{name.replace(' ', '_').replace('/', '_')}.jpg")
 
 
 def main(options: RealOptions) -> None:

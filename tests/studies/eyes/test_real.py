@@ -6,8 +6,10 @@ import json
 
 import cv2
 import numpy as np
+import onnx
 import pytest
 
+from cfnav_core.perception.describe import describe
 from studies.eyes.detectors import Found
 from studies.eyes.real import RealOptions, run
 from studies.eyes.realism import RealismOptions, is_found, main, things_of
@@ -61,6 +63,28 @@ def test_perceptions_that_are_larger_than_a_picture_get_it_enlarged(tmp_path):
     run(options(tmp_path, perception=(colour_perception(tmp_path / "large.onnx", 64),)), "a test")
     found = json.loads((tmp_path / "out/real.json").read_text())
     assert found["scores"]["blue0"]["large"]["Mug"] == pytest.approx(0.98, abs=0.01)
+
+
+def test_networks_of_one_name_are_told_by_their_folders(tmp_path):
+    paths = []
+    for folder in ("old", "new"):
+        (tmp_path / folder).mkdir()
+        paths.append(colour_perception(tmp_path / folder / "perception.onnx"))
+    run(options(tmp_path, perception=tuple(paths)), "a test")
+    found = json.loads((tmp_path / "out/real.json").read_text())
+    assert list(found["networks"]) == ["old/perception", "new/perception"]
+    assert found["gains"]["new/perception"][0] == 0  # they are the same
+    assert (tmp_path / "out/new_perception.jpg").exists()
+
+
+def test_an_encoder_cannot_be_judged(tmp_path):
+    made = colour_perception(tmp_path / "encoder.onnx", objects=("Apple", "Mug"))
+    network = onnx.load(made)
+    del network.graph.output[1]
+    onnx.save(network, made)
+    describe(made, (), (), None)
+    with pytest.raises(ValueError, match="detects nothing"):
+        run(options(tmp_path, perception=(made,)), "a test")
 
 
 def test_what_fills_enough_of_a_picture_is_a_thing():
