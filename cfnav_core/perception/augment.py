@@ -114,18 +114,14 @@ def _mirrored(batch: Labelled, generator: torch.Generator) -> Labelled:
 
 
 def _blurred(pictures: Tensor, generator: torch.Generator) -> Tensor:
-    """Out of focus, or moving: one Gaussian for all that are blurred, another the next time."""
-    sigma = float(torch.rand(1, generator=generator)) * LARGEST_BLUR_PX + 0.2
-    which = _chosen(len(pictures), BLURRED, generator)
-    if not which.any():
-        return pictures
-    reach = max(1, round(2.5 * sigma))
-    kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / sigma) ** 2)
-    kernel = (kernel / kernel.sum()).expand(3, 1, -1)
-    soft = F.pad(pictures[which], (reach,) * 4, mode="reflect")
-    soft = F.conv2d(F.conv2d(soft, kernel[:, :, None], groups=3), kernel[..., None], groups=3)
+    """Out of focus, or moving: some through a Gaussian of their own."""
+    sigmas = 0.2 + LARGEST_BLUR_PX * torch.rand(len(pictures), generator=generator)
+    which = torch.nonzero(_chosen(len(pictures), BLURRED, generator)).flatten().tolist()
     pictures = pictures.clone()
-    pictures[which] = soft
+    for k in which:
+        sharp = np.ascontiguousarray(pictures[k].permute(1, 2, 0).numpy())
+        soft = cv2.GaussianBlur(sharp, (0, 0), float(sigmas[k]))
+        pictures[k] = torch.from_numpy(soft).permute(2, 0, 1)
     return pictures
 
 
