@@ -27,6 +27,10 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "rooms overhangs": Entry(
             "sim_bridge.data.overhangs:OverhangOptions", "count collisions that no LiDAR foresees"
         ),
+        "rooms show": Entry("sim_bridge.data.room_sheet:ShowOptions", "draw rooms, to look at"),
+        "rooms models": Entry(
+            "sim_bridge.data.model_sheet:ModelOptions", "draw furniture models, to look at"
+        ),
         "data info": Entry("cfnav.data_cli:InfoData", "list the scenes of a data set"),
         "data check": Entry("cfnav.data_cli:CheckData", "say what is damaged or missing in it"),
         "data convert": Entry("cfnav.data_cli:ConvertData", "make one store of a data set"),

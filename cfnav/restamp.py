@@ -90,7 +90,7 @@ def restamp(folder: Path) -> str:
     ):
         return "another room: other objects are visible"
     shift = SHIFTED.search(scene.source)
-    source = room_source(float(shift[1]) if shift else 0.0)
+    source = room_source(parse_room(scene.name)[0], float(shift[1]) if shift else 0.0)
     replace(scene, source=source, camera=camera).write_head(folder, head["sha256"])
     return _restamp_scans(folder, replace(scene, source=source))
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from cfnav_core.perception.augment import Labelled
 from cfnav_core.perception.describe import describe
-from cfnav_core.perception.perception import FEATURES, INPUT_SIZE
-from cfnav_core.perception.picture_set import COARSE, HEAT
+from cfnav_core.perception.perception import FEATURES
+from cfnav_core.perception.sight import FROM_MAST, Sight
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.detections import SCORES
 from cfnav_core.task.vocabulary import CATEGORIES
@@ -28,15 +30,15 @@ def _block(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
 
 
 class PerceptionNet(nn.Module):
-    """Picture -> category maps at 19x19 and a 256-d feature that encodes depth and free floor.
+    """Picture -> category maps and a 256-d feature that encodes depth and free floor.
 
     Deliberately without a collision output: collisions are the predictor's task, and a trunk that
     was told about them would hand every method the answer.
     """
 
-    def __init__(self, objects: int = len(CATEGORIES)) -> None:
+    def __init__(self, objects: int = len(CATEGORIES), sight: Sight = FROM_MAST) -> None:
         super().__init__()
-        self.objects = objects
+        self.objects, self.sight = objects, sight
         self.stem = nn.Sequential(
             nn.Conv2d(3, 40, 4, 4, 1, bias=False), nn.BatchNorm2d(40), nn.ReLU(inplace=True)
         )
@@ -45,14 +47,14 @@ class PerceptionNet(nn.Module):
         self.detail, self.context = nn.Conv2d(96, 2 * objects, 1), nn.Conv2d(128, 2 * objects, 1)
         self.squeeze = nn.Sequential(
             nn.Conv2d(128, 24, 1), nn.ReLU(inplace=True), nn.Flatten(),
-            nn.Linear(24 * COARSE * COARSE, FEATURES), nn.ReLU(inplace=True),
+            nn.Linear(24 * math.prod(sight.coarse), FEATURES), nn.ReLU(inplace=True),
         )  # fmt: skip
-        self.geometry = nn.Linear(FEATURES, 2 * COARSE * COARSE)
+        self.geometry = nn.Linear(FEATURES, 2 * math.prod(sight.coarse))
         for maps, prior in ((self.detail, -3.0), (self.context, -2.0)):
             assert maps.bias is not None
             nn.init.constant_(maps.bias, prior)
-        grid = torch.linspace(-1, 1, HEAT)
-        where = torch.stack([grid[None].expand(HEAT, HEAT), grid[:, None].expand(HEAT, HEAT)])
+        down, across = (torch.linspace(-1, 1, cells) for cells in sight.heat)
+        where = torch.stack([across[None].expand(sight.heat), down[:, None].expand(sight.heat)])
         self.where: Tensor
         self.register_buffer("where", where[None])
 
@@ -60,41 +62,39 @@ class PerceptionNet(nn.Module):
         """Run the network.
 
         Args:
-            pictures: float32 [N, 3, 150, 150] in 0..1.
+            pictures: float32 [N, 3, *P] in 0..1; P, Q and R are ``picture``, ``heat`` and
+                ``coarse`` of ``sight``.
 
         Returns:
-            logits "shown" [N, C, 19, 19], logits "visible here" [N, C, 19, 19],
-            features [N, 256], geometry [N, 2, 10, 10] (log metres; floor logit).
+            logits "shown" [N, C, *Q], logits "visible here" [N, C, *Q],
+            features [N, 256], geometry [N, 2, *R] (log metres; floor logit).
         """
         middle = self.middle(self.stem(pictures))
         deep = self.deep(torch.cat([middle, self.where.expand(middle.shape[0], -1, -1, -1)], 1))
-        context = F.interpolate(self.context(deep), size=(HEAT, HEAT), mode="nearest")
+        context = F.interpolate(self.context(deep), size=self.sight.heat, mode="nearest")
         maps = self.detail(middle) + context
         features = self.squeeze(deep)
-        geometry = self.geometry(features).view(-1, 2, COARSE, COARSE)
+        geometry = self.geometry(features).view(-1, 2, *self.sight.coarse)
         return maps[:, : self.objects], maps[:, self.objects :], features, geometry
 
 
 def perception_loss(
-    output: tuple[Tensor, Tensor, Tensor, Tensor], heat: Tensor, depth: Tensor, floor: Tensor,
-    visible: Tensor,
-) -> dict[str, Tensor]:  # fmt: skip
+    output: tuple[Tensor, Tensor, Tensor, Tensor], batch: Labelled
+) -> dict[str, Tensor]:
     """Terms of the loss; the training sums them.
 
     Args:
         output: of ``PerceptionNet``.
-        heat: float32 [N, C, 19, 19], pixels of each category per cell.
-        depth: float32 [N, 10, 10], metres.
-        floor: float32 [N, 10, 10], share 0..1.
-        visible: float32 [N, C].
+        batch: what it looked at, with its labels.
     """
     shown, near, _, geometry = output
+    heat, depth, floor, visible = batch.heat, batch.depth, batch.floor, batch.visible
     best = heat.amax((2, 3), keepdim=True)
     target = (heat / 24).clamp(max=1) * (heat >= MIN_CELL_PIXELS)
     # the fullest cell of a small object counts, however few its pixels
     target = torch.maximum(target, ((heat == best) & (best >= MIN_CELL_PIXELS)).float() * 0.9)
     weight = torch.tensor(3.0)
-    per_cell = heat.shape[1] * HEAT * HEAT / 40
+    per_cell = heat[0].numel() / 40
     here = target * visible[:, :, None, None]
     log_depth = depth.clamp(0.1, 8).log()
     return {
@@ -114,13 +114,14 @@ class ExportedPerception(nn.Module):
         self.net = net
 
     def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
-        """uint8 [N, 150, 150, 3] -> float32 [N, 256], float32 [N, C, 5] (``SCORES``)."""
+        """uint8 [N, *P, 3] -> float32 [N, 256], float32 [N, C, 5] (``SCORES``)."""
         shown, near, features, _ = self.net(pictures.permute(0, 3, 1, 2).float() / 255)
         p = torch.sigmoid(shown).flatten(2)
         score, cell = p.max(2)
-        x = (cell % HEAT).float() * (2 / (HEAT - 1)) - 1
-        y = torch.div(cell, HEAT, rounding_mode="floor").float() * (2 / (HEAT - 1)) - 1
-        size = p.sum(2).sqrt() / HEAT
+        rows, columns = self.net.sight.heat
+        x = (cell % columns).float() * (2 / (columns - 1)) - 1
+        y = torch.div(cell, columns, rounding_mode="floor").float() * (2 / (rows - 1)) - 1
+        size = p.sum(2).sqrt() / math.sqrt(rows * columns)
         visible = torch.sigmoid(near).flatten(2).amax(2)
         fields = torch.stack([score, x * score, y * score, size, visible], 2)
         return features, fields.reshape(-1, self.net.objects, 5)
@@ -136,10 +137,10 @@ def export_perception(
         net: the network.
         path: where to.
         objects: what it detects, in the order of its maps.
-        camera: that it learnt from.
+        camera: that it learnt from, whose ``Sight`` is the network's.
     """
     net.eval()
-    example = torch.zeros(2, INPUT_SIZE, INPUT_SIZE, 3, dtype=torch.uint8)
+    example = torch.zeros(2, *net.sight.picture, 3, dtype=torch.uint8)
     torch.onnx.export(
         ExportedPerception(net).eval(), (example,), str(path), dynamo=False, opset_version=17,
         input_names=["pictures"], output_names=["features", "detections"],

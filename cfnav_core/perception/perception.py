@@ -19,12 +19,10 @@ import numpy as np
 from PIL import Image
 
 from cfnav_core.perception.onnx_session import open_session
+from cfnav_core.perception.sight import Sight
 from cfnav_core.task.camera import ASPECT_TOLERANCE, MAST, CameraSetUp
 from cfnav_core.task.detections import SCORES, Fields, width
 from cfnav_core.task.vocabulary import CATEGORIES, FIRST_CATEGORIES
-
-INPUT_SIZE = 150
-"""Side of the built-in network's input, pixels; a 300x300 picture is averaged 2x2."""
 
 FEATURES = 256
 """Numbers that the built-in network makes of a picture, besides its detections."""
@@ -107,10 +105,13 @@ class Percept:
         return np.asarray(Image.fromarray(rgb).resize(self.size[::-1], Image.Resampling.BOX))
 
 
-BUILT_IN = Percept(
-    (FEATURES,), CATEGORIES, SCORES, (INPUT_SIZE, INPUT_SIZE), MAST
-)  # fmt: skip
-"""What ``perception.train`` makes, seen from the mast."""
+def built_in(camera: CameraSetUp) -> Percept:
+    """What ``perception.train`` makes for a camera."""
+    return Percept((FEATURES,), CATEGORIES, SCORES, Sight.of(camera).picture, camera)
+
+
+BUILT_IN = built_in(MAST)
+"""The same, seen from the mast."""
 
 
 class Perception(Protocol):

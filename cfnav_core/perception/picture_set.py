@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.files.whole import whole, writing
-from cfnav_core.perception.perception import INPUT_SIZE
+from cfnav_core.perception.sight import Sight
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.vocabulary import CATEGORIES
-
-HEAT, COARSE = 19, 10
-"""Cells per side of the category map and of the depth and floor maps."""
 
 FIELDS = ("pictures", "heat", "depth", "floor", "visible")
 
@@ -24,11 +21,12 @@ class PictureSet:
     """N labelled views of one room.
 
     Attributes:
-        pictures: uint8 [N, 150, 150, 3].
-        heat: uint8 [N, 19, 19, C], pixels of each category in each cell of the full picture
-            (cells of 16 pixels of a 300x300 picture padded by 2), at most 255.
-        depth: float16 [N, 10, 10], mean metres along the optical axis.
-        floor: uint8 [N, 10, 10], share of floor, 0..255.
+        pictures: uint8 [N, *P, 3]; P, Q and R are ``picture``, ``heat`` and ``coarse`` of the
+            camera's ``Sight``, 150x150, 19x19 and 10x10 from the mast.
+        heat: uint8 [N, *Q, C], pixels of each category in each cell of the full picture (cells of
+            16 pixels of the picture padded alike on both sides), at most 255.
+        depth: float16 [N, *R], mean metres along the optical axis.
+        floor: uint8 [N, *R], share of floor, 0..255.
         visible: bool [N, C], see ``visibility.visible``.
         objects: names of the C categories.
         camera: that took them.
@@ -75,7 +73,7 @@ class PictureSet:
                 f"found no readable picture set in {folder} ({error}); make it again with "
                 "cfnav rooms make --views N"
             ) from error
-        expected = (len(out.pictures), INPUT_SIZE, INPUT_SIZE, 3)
+        expected = (len(out.pictures), *Sight.of(out.camera).picture, 3)
         if out.visible.shape[1:] != (len(out.objects),) or out.pictures.shape != expected:
             raise ValueError(f"found a picture set of another version in {folder}; make it again")
         return out

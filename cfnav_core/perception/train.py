@@ -1,25 +1,38 @@
 """Train perception: ``cfnav perception --data DIR --out perception.onnx``.
 
-DIR holds picture sets of rooms that no policy trains or is tested in. The last twentieth of the
-rooms is held out to report on. A killed run goes on from its checkpoint.
+DIR holds picture sets of rooms that no policy trains or is tested in; rooms whose seed ends a score
+are held out to report on. More sets may come while it trains, from ``cfnav rooms make --views``
+beside it. A killed run goes on from its checkpoint.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from scipy.stats import rankdata
-from torch import Tensor
 from tqdm import tqdm
 
 from cfnav_core.files.checkpoint import load_state, save_state
+from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
 from cfnav_core.perception.picture_set import FIELDS, PictureSet
+from cfnav_core.perception.sight import Sight
+from cfnav_core.task.camera import CameraSetUp
+from cfnav_core.task.rooms import furniture_of
 from cfnav_core.task.vocabulary import CATEGORIES
+
+HELD_OUT_EVERY = 20
+"""The last of so many seeds is held out."""
+ROOMS_A_BATCH = 16
+SHOWN_PIXELS = 12
+"""Of an object in the cell that shows most of it, from which it counts as shown."""
+RESCAN_S = 30.0
+"""How often new sets are looked for, seconds."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +43,10 @@ class PerceptionOptions:
     """Folder of picture sets (cfnav rooms make --views N)."""
     out: Path = Path("out/perception/perception.onnx")
     """Where the network goes; the checkpoint lies beside it."""
-    pictures: int = 500_000
+    pictures: int = 2_000_000
     """Pictures seen in all."""
+    wait_for: int = 4
+    """Picture sets that must be there before it begins; others may come later."""
     batch: int = 64
     """Pictures a step."""
     lr: float = 2e-3
@@ -40,6 +55,8 @@ class PerceptionOptions:
     """Seed of weights, order and augmentation."""
     threads: int = 2
     """CPU threads."""
+    bfloat16: bool = False
+    """Multiply in bfloat16: nearly twice as fast where the CPU has AMX, slower where it has not."""
     checkpoint_s: float = 120.0
     """Seconds between checkpoints."""
 
@@ -49,35 +66,77 @@ class PerceptionOptions:
             print(f"{key}: {value}")
 
 
-class Pictures:
-    """All picture sets of some rooms in memory."""
+class Shelf:
+    """The picture sets of a folder, to which others may be added."""
 
-    def __init__(self, folders: list[Path]) -> None:
-        sets = [PictureSet.load(f) for f in folders]
-        self.arrays = {k: np.concatenate([getattr(s, k) for s in sets]) for k in FIELDS}
-        self.count = len(self.arrays["visible"])
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._looked = -float("inf")
+        self.training: list[Path] = []
+        self.held_out: list[Path] = []
 
-    def batch(self, index: np.ndarray) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Pictures float32 [N, 3, 150, 150] in 0..1, and what ``perception_loss`` takes."""
-        a = {k: torch.from_numpy(v[index]) for k, v in self.arrays.items()}
-        pictures = a["pictures"].permute(0, 3, 1, 2).float().div_(255)
-        heat = a["heat"].permute(0, 3, 1, 2).float()
-        return pictures, heat, a["depth"].float(), a["floor"].float() / 255, a["visible"].float()
+    def look(self) -> None:
+        """See what sets there are, unless that was seen a moment ago."""
+        if time.monotonic() - self._looked < RESCAN_S:
+            return
+        self._looked = time.monotonic()
+        found = sorted(path.parent for path in self._folder.glob("*/set.json"))
+        seeds = [int(path.name.rpartition("_")[2]) for path in found]
+        last = HELD_OUT_EVERY - 1
+        rooms = list(zip(found, seeds, strict=True))
+        self.held_out = [path for path, seed in rooms if seed % HELD_OUT_EVERY == last]
+        self.training = [path for path, seed in rooms if seed % HELD_OUT_EVERY != last]
+
+    def wait(self, count: int) -> None:
+        """Wait until so many sets are there.
+
+        Raises:
+            ValueError: none comes within ten times ``RESCAN_S``.
+        """
+        waited = 0
+        while len(self.training) + len(self.held_out) < count or not self.held_out:
+            before = len(self.training) + len(self.held_out)
+            self.look()
+            found = len(self.training) + len(self.held_out)
+            if found >= count and self.held_out:
+                return
+            waited = 0 if found > before else waited + 1
+            if waited > 10 or count <= 4:
+                raise ValueError(
+                    f"found {found} picture sets in {self._folder}, {len(self.held_out)} of them "
+                    f"held out, expected at least {count} and one; make them with "
+                    "cfnav rooms make --views 200"
+                )
+            time.sleep(RESCAN_S)
+
+    @property
+    def camera(self) -> CameraSetUp:
+        """That took the pictures."""
+        return PictureSet.load((self.training or self.held_out)[0]).camera
+
+    def batch(self, size: int, rng: np.random.Generator) -> Labelled:
+        """Random pictures of some random rooms."""
+        rooms = rng.choice(len(self.training), min(ROOMS_A_BATCH, len(self.training)))
+        rows = []
+        for room, part in zip(rooms, np.array_split(np.arange(size), len(rooms)), strict=True):
+            pictures = PictureSet.load(self.training[room])
+            rows.append(
+                taken(pictures, np.sort(rng.integers(len(pictures.visible), size=len(part))))
+            )
+        return _tensors({k: np.concatenate([row[k] for row in rows]) for k in FIELDS})
 
 
-def augment(pictures: Tensor, generator: torch.Generator) -> Tensor:
-    """Random colour mixing, brightness, contrast and gamma-like curve, per picture."""
-    n = len(pictures)
+def taken(pictures: PictureSet, index: np.ndarray) -> dict[str, np.ndarray]:
+    """Some pictures of a set with their labels, by field."""
+    return {key: np.asarray(getattr(pictures, key)[index]) for key in FIELDS}
 
-    def uniform(low: float, high: float) -> Tensor:
-        return torch.rand(n, 1, 1, generator=generator) * (high - low) + low
 
-    mix = torch.eye(3) + 0.1 * torch.randn(n, 3, 3, generator=generator)
-    mix = mix * uniform(0.7, 1.35)
-    shift = 0.4 * (1 - mix.sum(2, keepdim=True)) * uniform(0, 1) + uniform(-0.1, 0.1)
-    flat = torch.baddbmm(shift, mix, pictures.flatten(2)).clamp_(0, 1)
-    curve = uniform(-0.4, 0.4)
-    return (flat * (1 + curve) - curve * flat * flat).view_as(pictures)
+def _tensors(arrays: dict[str, np.ndarray]) -> Labelled:
+    a = {key: torch.from_numpy(value) for key, value in arrays.items()}
+    return Labelled(
+        a["pictures"].permute(0, 3, 1, 2).float() / 255, a["heat"].permute(0, 3, 1, 2).float(),
+        a["depth"].float(), a["floor"].float() / 255, a["visible"].float(),
+    )  # fmt: skip
 
 
 def learning_rate(progress: float, peak: float) -> float:
@@ -95,53 +154,63 @@ def area_under_roc(score: np.ndarray, label: np.ndarray) -> float:
     return float(ranks / (positives * (len(label) - positives)))
 
 
+def _scores(net: PerceptionNet, folders: list[Path]) -> Iterator[tuple[np.ndarray, ...]]:
+    """Of each set: scores "shown" and "near" [N, C], whether they are so, and depth errors."""
+    for folder in folders:
+        pictures = PictureSet.load(folder)
+        for index in np.array_split(
+            np.arange(len(pictures.visible)), 1 + len(pictures.visible) // 100
+        ):
+            batch = _tensors(taken(pictures, index))
+            shown, near, _, geometry = net(
+                batch.pictures.contiguous(memory_format=torch.channels_last)
+            )
+            yield (
+                torch.sigmoid(shown.amax((2, 3))).numpy(), torch.sigmoid(near.amax((2, 3))).numpy(),
+                (batch.heat.amax((2, 3)) >= SHOWN_PIXELS).numpy(), batch.visible.bool().numpy(),
+                ((geometry[:, 0].exp() - batch.depth).abs() / batch.depth).mean((1, 2)).numpy(),
+            )  # fmt: skip
+
+
 @torch.no_grad()
-def report(net: PerceptionNet, pictures: Pictures) -> dict[str, object]:
-    """Quality on held-out rooms: AUC and F1 of "visible" per category, depth and floor errors."""
+def report(net: PerceptionNet, folders: list[Path]) -> dict[str, object]:
+    """Quality on held-out rooms: AUC of "shown", AUC and F1 of "near", and the depth's error."""
     net.eval()
-    near, truth, depth_error = [], [], []
-    for index in np.array_split(np.arange(pictures.count), max(1, pictures.count // 100)):
-        x, _, depth, _, visible = pictures.batch(index)
-        _, here, _, geometry = net(x.contiguous(memory_format=torch.channels_last))
-        near.append(torch.sigmoid(here.amax((2, 3))))
-        truth.append(visible.bool())
-        depth_error.append((geometry[:, 0].exp() - depth).abs() / depth)
+    shown, near, is_shown, is_near, depth = (
+        np.concatenate(column) for column in zip(*_scores(net, folders), strict=True)
+    )
     net.train()
-    p, y = torch.cat(near).numpy(), torch.cat(truth).numpy()
-    enough = [c for c in range(len(CATEGORIES)) if 10 <= y[:, c].sum() < len(y)]
+
+    def mean_auc(score: np.ndarray, truth: np.ndarray) -> float:
+        enough = [c for c in range(len(CATEGORIES)) if 10 <= truth[:, c].sum() < len(truth)]
+        return float(np.mean([area_under_roc(score[:, c], truth[:, c]) for c in enough]))
 
     def f1(c: int | slice) -> float:
-        hit = p[:, c] > 0.5
-        return float(2 * (hit & y[:, c]).sum() / max(1, hit.sum() + y[:, c].sum()))
+        hit = near[:, c] > 0.5
+        return float(2 * (hit & is_near[:, c]).sum() / max(1, hit.sum() + is_near[:, c].sum()))
 
+    often = [c for c in range(len(CATEGORIES)) if is_near[:, c].sum() >= 10]
     return {
-        "pictures": len(y),
-        "visible_auc_mean": float(np.mean([area_under_roc(p[:, c], y[:, c]) for c in enough])),
-        "visible_f1": f1(slice(None)),
-        "visible_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in enough},
-        "depth_relative_error": float(torch.cat(depth_error).mean()),
-    }
+        "rooms": len(folders), "pictures": len(depth),
+        "shown_auc_mean": mean_auc(shown, is_shown), "near_auc_mean": mean_auc(near, is_near),
+        "near_f1": f1(slice(None)),
+        "near_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in often},
+        "depth_relative_error": float(depth.mean()),
+    }  # fmt: skip
 
 
 def train(options: PerceptionOptions) -> dict[str, object]:
     """Train, export and report.
 
     Raises:
-        ValueError: no picture sets, or a damaged one.
+        ValueError: too few picture sets, or a damaged one.
     """
     torch.set_num_threads(options.threads)
-    folders = sorted(p.parent for p in options.data.glob("*/set.json"))
-    if len(folders) < 4:
-        raise ValueError(
-            f"found {len(folders)} picture sets in {options.data}, expected at least 4; make them "
-            "with cfnav rooms make --views 40"
-        )
-    order = np.random.default_rng(0).permutation(len(folders))
-    held = max(1, len(folders) // 20)
-    training = Pictures([folders[i] for i in order[held:]])
-    held_out = Pictures([folders[i] for i in order[:held]])
+    shelf = Shelf(options.data)
+    shelf.wait(options.wait_for)
+    camera = shelf.camera
     torch.manual_seed(options.seed)
-    net = PerceptionNet()
+    net = PerceptionNet(sight=Sight.of(camera))
     # torch does not type this form of Module.to
     net = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(net.parameters(), options.lr, weight_decay=1e-2, fused=True)
@@ -151,15 +220,16 @@ def train(options: PerceptionOptions) -> dict[str, object]:
     saved = time.monotonic()
     smooth: dict[str, float] = {}
     while seen < options.pictures:
+        shelf.look()
         rng = np.random.default_rng([options.seed, seen])
         generator = torch.Generator().manual_seed(options.seed * 1_000_003 + seen)
-        x, *labels = training.batch(np.sort(rng.integers(training.count, size=options.batch)))
-        x = augment(x, generator)
-        if rng.random() < 0.5:
-            x, labels[0], labels[1], labels[2] = (t.flip(-1) for t in (x, *labels[:3]))
+        batch = augment(shelf.batch(options.batch, rng), generator)
         for group in optimizer.param_groups:
             group["lr"] = learning_rate(seen / options.pictures, options.lr)
-        terms = perception_loss(net(x.contiguous(memory_format=torch.channels_last)), *labels)
+        with torch.autocast("cpu", torch.bfloat16, enabled=options.bfloat16):
+            output = net(batch.pictures.contiguous(memory_format=torch.channels_last))
+        shown, near, features, geometry = (part.float() for part in output)
+        terms = perception_loss((shown, near, features, geometry), batch)
         optimizer.zero_grad()
         torch.stack(list(terms.values())).sum().backward()
         optimizer.step()
@@ -168,9 +238,15 @@ def train(options: PerceptionOptions) -> dict[str, object]:
         for key, value in terms.items():
             smooth[key] = 0.98 * smooth.get(key, value.item()) + 0.02 * value.item()
         if time.monotonic() - saved > options.checkpoint_s or seen >= options.pictures:
-            bar.set_postfix_str(" ".join(f"{k} {v:.3f}" for k, v in smooth.items()))
+            terms_now = " ".join(f"{k} {v:.3f}" for k, v in smooth.items())
+            bar.set_postfix_str(f"{len(shelf.training)} rooms {terms_now}")
             save_state(checkpoint, net, optimizer, seen)
             saved = time.monotonic()
     bar.close()
-    export_perception(net, options.out)
-    return {"training_pictures": training.count, "seen": seen, **report(net, held_out)}
+    export_perception(net, options.out, camera=camera)
+    by_furniture: dict[str, list[Path]] = {}
+    for folder in shelf.held_out:
+        kind = folder.name.rpartition("_")[0]
+        by_furniture.setdefault(furniture_of(kind), []).append(folder)
+    reports = {f"held out, {name}": report(net, found) for name, found in by_furniture.items()}
+    return {"training_rooms": len(shelf.training), "seen": seen, **reports}

@@ -148,6 +148,12 @@ CAMERAS: Mapping[str, CameraSetUp] = MappingProxyType({
     "mast": MAST,
     # OAK-D on its bracket (turtlebot4_description); its preview is a square cut out of 1080P
     # (turtlebot4_bringup, oakd_pro.yaml)
-    "preview": CameraSetUp(-0.06, 0.244, (40.0, 40.0), (250, 250), (0.0,)),
+    "stock_preview": CameraSetUp(-0.06, 0.244, (40.0, 40.0), (250, 250), (0.0,)),
+    # the whole colour picture of 16:9, 66 degrees across (Luxonis, OAK-D Pro, RGB), which is
+    # published in 1280x720 and averaged by whoever looks at it
+    "stock_wide": CameraSetUp(-0.06, 0.244, (66.0, 40.1), (448, 252), (0.0,)),
 })  # fmt: skip
-"""The mast, and the TurtleBot 4 as it is sold."""
+"""The mast, and the TurtleBot 4 as it is sold: its small square picture and its whole one."""
+
+STOCK = frozenset({"stock_preview", "stock_wide"})
+"""Those of a TurtleBot 4 as it is sold, which do not tilt."""

@@ -1,4 +1,8 @@
-"""Room names on command lines: ``kitchen:7``, ``kitchen:0-19``, ``data2:train``."""
+"""Room names on command lines: ``kitchen:7``, ``sweet_home.kitchen:0-19``, ``data2:train``.
+
+A room's kind is its type, such as kitchen, after a dot behind the furniture that it has, unless
+that is our own.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +13,25 @@ from types import MappingProxyType
 
 from cfnav_core.task.vocabulary import ROOM_TYPES
 
+BUILT_IN, SWEET_HOME = "built_in", "sweet_home"
+FURNITURE = (BUILT_IN, SWEET_HOME)
+"""Our own furniture, and the models of the Debian package sweethome3d-furniture."""
+
+KINDS = (*ROOM_TYPES, *(f"{SWEET_HOME}.{kind}" for kind in ROOM_TYPES))
+"""Every kind of room that can be made."""
+
 SPLIT_NAMES = ("train", "validation", "test")
 
 SPLITS: Mapping[str, Mapping[str, Sequence[int]]] = MappingProxyType({
     "data1": {"train": range(20), "validation": range(20, 30, 2), "test": range(21, 30, 2)},
     # published with 0-19 for training and nothing to choose a checkpoint by
     "data2": {"train": range(18), "validation": range(18, 20), "test": range(20, 30)},
+    "worlds": {"train": range(100, 225), "validation": range(230, 235), "test": range(300, 325)},
 })  # fmt: skip
-"""Seeds of each type's rooms, as Offline Data 1 and 2 split theirs (FloorPlan numbers from 0).
-
-What validates in one is tested in the other: never use both in one run.
+"""Seeds of each type's rooms. Offline Data 1 and 2 split theirs so (FloorPlan numbers from 0): what
+validates in one is tested in the other, so never use both in one run. "worlds" are 500 rooms of
+each furniture to train in and 100 sealed ones to test in, where models of furniture stand that no
+other room has. Seeds from 1000 on train perception.
 """
 
 
@@ -29,42 +42,72 @@ def parse_room(text: str) -> tuple[str, int]:
         ValueError: the text is not a known type, a colon and a whole number.
     """
     kind, _, seed = text.partition(":")
-    if kind not in ROOM_TYPES or not seed.isdecimal():
+    if kind not in KINDS or not seed.isdecimal():
         raise ValueError(
-            f"found room {text!r}; expected TYPE:SEED with a type of {', '.join(ROOM_TYPES)} "
+            f"found room {text!r}; expected TYPE:SEED with a type of {', '.join(KINDS)} "
             "and a whole number, for example kitchen:21"
         )
     return kind, int(seed)
 
 
-def parse_rooms(texts: Iterable[str]) -> list[tuple[str, int]]:
+def type_of(kind: str) -> str:
+    """The type of a kind of room: kitchen of sweet_home.kitchen."""
+    return kind.rpartition(".")[2]
+
+
+def furniture_of(kind: str) -> str:
+    """The furniture of a kind of room, one of ``FURNITURE``."""
+    return kind.rpartition(".")[0] or BUILT_IN
+
+
+def of_furniture(kind: str, furniture: str) -> str:
+    """The kind of a type of room with another furniture."""
+    return type_of(kind) if furniture == BUILT_IN else f"{furniture}.{type_of(kind)}"
+
+
+def parse_rooms(
+    texts: Iterable[str], furniture: Sequence[str] = (BUILT_IN,)
+) -> list[tuple[str, int]]:
     """Read any number of ``type:seed``, ``type:first-last``, ``data2:train`` and ``data2``.
 
+    Args:
+        texts: with their furniture before a dot, or without.
+        furniture: of those without, which are given once for each.
+
     Returns:
-        Type and seed of each room, in order, none twice.
+        Kind and seed of each room, in order, none twice.
 
     Raises:
         ValueError: one is none of these, with what was expected.
     """
-    return list(dict.fromkeys(room for text in texts for room in _rooms(text)))
+    return list(dict.fromkeys(
+        room for text in texts for full in _in_full(text, furniture) for room in _rooms(full)
+    ))  # fmt: skip
+
+
+def _in_full(text: str, furniture: Sequence[str]) -> list[str]:
+    if "." in text.partition(":")[0]:
+        return [text]
+    return [text if name == BUILT_IN else f"{name}.{text}" for name in furniture]
 
 
 def _rooms(text: str) -> list[tuple[str, int]]:
-    name, _, rest = text.partition(":")
-    if text in SPLITS or rest in SPLITS.get(name, ()):
+    kind, _, rest = text.partition(":")
+    name = type_of(kind)
+    if name in SPLITS and furniture_of(kind) in FURNITURE and (not rest or rest in SPLITS[name]):
         seeds = SPLITS[name][rest] if rest else sorted(chain(*SPLITS[name].values()))
-        return [(kind, seed) for kind in ROOM_TYPES for seed in seeds]
+        return [(of_furniture(k, furniture_of(kind)), seed) for k in ROOM_TYPES for seed in seeds]
     first, dash, last = rest.partition("-")
     last = last if dash else first
-    if name not in ROOM_TYPES or not (first.isdecimal() and last.isdecimal()):
+    if kind not in KINDS or not (first.isdecimal() and last.isdecimal()):
         splits = (f"{layout}:{split}" for layout, row in SPLITS.items() for split in row)
         raise ValueError(
             f"found rooms {text!r}; expected TYPE:SEED or TYPE:FIRST-LAST with a type of "
-            f"{', '.join(ROOM_TYPES)}, or one of {', '.join((*SPLITS, *splits))}"
+            f"{', '.join(KINDS)}, or one of {', '.join((*SPLITS, *splits))}"
         )
     if int(last) < int(first):
         raise ValueError(f"found rooms {text!r}; expected the smaller seed first")
-    return [(name, seed) for seed in range(int(first), int(last) + 1)]
+    return [(kind, seed) for seed in range(int(first), int(last) + 1)]
 
 
 def split_of(name: str, seed: int) -> str:
@@ -80,4 +123,4 @@ def room_folder(folder: Path, kind: str, seed: int) -> Path:
 def rooms_in(folder: Path) -> list[tuple[str, int]]:
     """Rooms whose finished scenes lie in a folder, in the order of its sub-folders."""
     found = (p.parent.name.rpartition("_") for p in sorted(folder.glob("*_[0-9]*/scene.json")))
-    return [(kind, int(seed)) for kind, _, seed in found if kind in ROOM_TYPES and seed.isdecimal()]
+    return [(kind, int(seed)) for kind, _, seed in found if kind in KINDS and seed.isdecimal()]

@@ -68,7 +68,7 @@ class GuardConfig:
     out: Path = Path("out/bench")
     """Folder of depth_guard.json."""
     camera: str = "mast"
-    """Of ``cfnav_core.task.camera.CAMERAS``; preview: the robot as it is sold, without a mast."""
+    """Of ``cfnav_core.task.camera.CAMERAS``; only "mast" has a mast."""
     pitch: float = math.nan
     """Degrees, up positive, of a depth camera that does not tilt with the other; nan: it does."""
     n: int = 8_000

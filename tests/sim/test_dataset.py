@@ -33,9 +33,14 @@ def perception(tmp_path_factory) -> Path:
 
 def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     options = RoomOptions(
-        ["bathroom:0"], tmp_path, perception, keep_pictures=True, processes=1, camera="preview"
+        ["bathroom:0"],
+        tmp_path,
+        perception,
+        keep_pictures=True,
+        processes=1,
+        camera="stock_preview",
     )
-    set_up = CAMERAS["preview"]
+    set_up = CAMERAS["stock_preview"]
     run(replace(options, visual_shift=1.0))
     dark = OfflineScene.load(tmp_path / "bathroom_00000")
     dark_features = np.array(dark.features)

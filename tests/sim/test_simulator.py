@@ -28,7 +28,7 @@ def bare_room():
         RoomObject("Wall", (WALL_X, -1.0, WALL_X + 0.2, 5.0)),
         RoomObject("Shelf", (0.0, SHELF_Y, 2.0, SHELF_Y + 0.2)),
     )
-    return Room("kitchen", 0, 4.0, 5.0, parts, objects, {}, 0.5, ())
+    return Room("kitchen", 0, 4.0, 5.0, parts, (), objects, {}, 0.5, ())
 
 
 @pytest.fixture

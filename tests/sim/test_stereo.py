@@ -85,4 +85,4 @@ def test_the_camera_of_the_room_and_that_of_depth_share_a_world():
     # the wall 1.5 m ahead, seen 30 degrees downwards in the middle of the picture
     wall = 1.5 / math.cos(math.radians(30.0))
     assert depth[HEIGHT // 2, WIDTH // 2] == pytest.approx(wall, rel=0.01)
-    assert stereo.set_up_of(CAMERAS["preview"]).horizons == (0.0,)
+    assert stereo.set_up_of(CAMERAS["stock_preview"]).horizons == (0.0,)

@@ -169,7 +169,7 @@ def test_pruned_goal_states_equal_looking_everywhere(world, camera, grid, goal):
 
 def test_a_camera_that_does_not_tilt_has_level_states_only(grid):
     world = World(generate_room("kitchen", 3))  # a camera sets the field of view of its world
-    with Camera(world, CAMERAS["preview"]) as camera:
+    with Camera(world, CAMERAS["stock_preview"]) as camera:
         level = state_grid(world, camera.set_up.horizons)
         seen = goal_states(world, camera, level, "Fridge")
         some = [camera.goal_visible("Fridge", level.pose(k)) for k in range(0, len(seen), 5)]

@@ -246,7 +246,7 @@ def test_parts_that_were_measured_before_stay_on_the_page():
 
 
 def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
-    for camera, tilts in (("mast", True), ("preview", False)):
+    for camera, tilts in (("mast", True), ("stock_preview", False)):
         parts = GraphConfig("kitchen:1", tmp_path, camera=camera).parts
         of = {part.executable: part.parameters for part in parts}
         assert of["mock_turtlebot4"]["camera"] == camera

@@ -46,6 +46,6 @@ def test_what_a_camera_sees_of_the_way_is_what_its_geometry_says():
     down = seen_strip(mast, mast.horizons[1], True)
     assert level["mast"] < down["mast"] < 0.5
     assert down["from_0.75_m"] < level["from_0.75_m"]
-    sold = seen_strip(CAMERAS["preview"], 0.0, False)
+    sold = seen_strip(CAMERAS["stock_preview"], 0.0, False)
     assert "mast" not in sold
     assert 0.7 < sold["hull"] < 0.9

@@ -68,7 +68,7 @@ def test_another_camera_is_another_condition(tmp_path):
         write(tmp_path / "a.jsonl", rows, camera="mast"),
         write(tmp_path / "b.jsonl", rows),
     )
-    sold = write(tmp_path / "c.jsonl", rows, camera="preview")
+    sold = write(tmp_path / "c.jsonl", rows, camera="stock_preview")
     assert live_results(mast, unsaid)["camera"] == "mast"
     with pytest.raises(ValueError, match="run both alike"):
         live_results(mast, sold)

@@ -19,7 +19,7 @@ from cfnav_core.command import DONE, PARTLY, command_line, run_options
 from cfnav_core.files.provenance import commit
 from cfnav_core.policy.bundle import BundleHead, find_bundle
 from cfnav_core.task.limits import step_limit
-from cfnav_core.task.rooms import parse_room
+from cfnav_core.task.rooms import parse_room, type_of
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, evaluate
 from cfnav_ros.bags.files.finding import BagError
 from cfnav_ros.bags.judge.outcomes import live_outcome
@@ -61,7 +61,7 @@ class DemoConfig:
     """Most decisions of an episode; 0: 100, and 200 in living rooms."""
     veto: bool = True
     """The LiDAR may forbid a MoveAhead."""
-    camera: Literal["mast", "preview"] = "mast"
+    camera: Literal["mast", "stock_wide", "stock_preview"] = "mast"
     """Camera of the robot: on a mast that tilts, or as sold, which does not."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
@@ -200,7 +200,7 @@ def run_trial(graph: RosGraph, trial: Trial, max_steps: int = 0) -> Outcome:
         trial: which has begun.
         max_steps: most decisions; 0: as many as ``step_limit`` gives the room.
     """
-    max_steps = max_steps or step_limit(parse_room(trial.room)[0])
+    max_steps = max_steps or step_limit(type_of(parse_room(trial.room)[0]))
     title = f"{trial.room} {trial.goal}"
     with tqdm(desc=title, bar_format="{desc} [{elapsed}]", leave=False) as line:
 

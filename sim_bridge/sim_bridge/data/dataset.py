@@ -13,22 +13,32 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import cv2
 import numpy as np
 import tyro
 from tqdm import tqdm
 
 from cfnav_core.command import need, run_options
 from cfnav_core.files.whole import whole, writing
-from cfnav_core.perception.perception import BUILT_IN, OnnxPerception, Percept
-from cfnav_core.perception.picture_set import COARSE, FIELDS, HEAT, PictureSet
+from cfnav_core.perception.perception import OnnxPerception, Percept, built_in
+from cfnav_core.perception.picture_set import FIELDS, PictureSet
+from cfnav_core.perception.sight import CELL, Sight
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import parse_rooms, room_folder
+from cfnav_core.task.rooms import (
+    FURNITURE,
+    SWEET_HOME,
+    furniture_of,
+    parse_rooms,
+    room_folder,
+    type_of,
+)
 from cfnav_core.task.vocabulary import CATEGORIES
-from sim_bridge.room.room import ROOMS_VERSION, Room, generate_room
+from sim_bridge.room.room import ROOMS_VERSION, Room, check_furniture, generate_room
+from sim_bridge.room.sweet_home import SWEET_HOME_VERSION
 from sim_bridge.world.visual_shift import shifted
 
 if TYPE_CHECKING:
@@ -46,7 +56,7 @@ class RoomOptions:
 
     rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
     """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed; the 120
-    rooms of all splits when absent."""
+    rooms of all splits when absent. sweet_home.TYPE and sweet_home.SPLIT name a furniture, too."""
     out: Path = Path("out/scenes")
     """Folder that gets one sub-folder for each room."""
     perception: Path | None = None
@@ -54,7 +64,8 @@ class RoomOptions:
     keep_pictures: bool = False
     """Keep every picture (68 kB a state), to make features again when perception changes."""
     camera: str = "mast"
-    """Whose view: mast, preview (a TurtleBot 4 as sold), or a JSON file like a scene's camera."""
+    """Whose view: mast, stock_wide or stock_preview (a TurtleBot 4 as sold: its whole picture, or
+    the small square one), or a JSON file like a scene's camera."""
     visual_shift: float = 0.0
     """Another light and lens than in training, 0 to 1 (sim_bridge.world.visual_shift); keep such
     rooms in a folder of their own."""
@@ -62,15 +73,24 @@ class RoomOptions:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
+    furniture: Literal["built_in", "sweet_home", "both"] = "built_in"
+    """Of rooms that name none: our own, models of the Debian package sweethome3d-furniture, or a
+    room of each."""
 
     def run_command(self) -> None:
         """Render."""
         run(self)
 
 
-def room_source(visual_shift: float = 0.0) -> str:
-    """What rooms and pictures are made by: the version of the rooms, and another light and lens."""
-    return f"rooms {ROOMS_VERSION}" + (f" shifted by {visual_shift}" if visual_shift else "")
+def room_source(kind: str, visual_shift: float = 0.0) -> str:
+    """What a kind of room and its pictures are made by: their version, and another light and lens.
+
+    Rooms of Sweet Home 3D's furniture have a version of their own.
+    """
+    made = f"rooms {ROOMS_VERSION}"
+    if furniture_of(kind) == SWEET_HOME:
+        made = f"{SWEET_HOME} rooms {SWEET_HOME_VERSION}"
+    return made + (f" shifted by {visual_shift}" if visual_shift else "")
 
 
 @dataclass(frozen=True)
@@ -95,7 +115,7 @@ def render_scene(kind: str, seed: int, out: Path, look: Look) -> int:
     Pictures kept from an earlier run of the same version are not rendered again.
     """
     folder, perception = room_folder(out, kind, seed), OnnxPerception(look.perception)
-    old = _kept(folder, look)
+    old = _kept(folder, kind, look)
     if old is None:
         scene, pictures = _render(kind, seed, look, perception.gives)
         if look.keep_pictures:
@@ -119,10 +139,10 @@ def _keep(folder: Path, pictures: np.ndarray) -> None:
             np.save(file, pictures)
 
 
-def _kept(folder: Path, look: Look) -> OfflineScene | None:
+def _kept(folder: Path, kind: str, look: Look) -> OfflineScene | None:
     """The scene whose pictures can be used again."""
     scene = _whole(folder)
-    made_with = room_source(look.visual_shift), look.camera
+    made_with = room_source(kind, look.visual_shift), look.camera
     same = scene and (scene.source, scene.camera) == made_with and (folder / PICTURES).exists()
     return scene if same else None
 
@@ -159,8 +179,8 @@ def _render(kind: str, seed: int, look: Look, percept: Percept) -> tuple[Offline
     often = visible.sum(0) >= MIN_GOAL_STATES
     none = np.empty((states, 0), np.float16)
     scene = OfflineScene(
-        name=f"{kind}:{seed}", room_type=kind, perception="", camera=look.camera,
-        source=room_source(look.visual_shift), objects=objects,
+        name=f"{kind}:{seed}", room_type=type_of(kind), perception="", camera=look.camera,
+        source=room_source(kind, look.visual_shift), objects=objects,
         goals=tuple(name for name, enough in zip(objects, often, strict=True) if enough),
         features=none, detections=none, fields=(),
         next_state=grid.next_state, collided=grid.collided, visible=visible,
@@ -219,6 +239,7 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
         [CATEGORIES.index(o.name) if o.name in CATEGORIES else -1 for o in objects] + [-1]
     )
     flat = np.array([o.name in ("Floor", "Rug") for o in objects] + [False])
+    sight, percept = Sight.of(look.camera), built_in(look.camera)
     rng = np.random.default_rng(seed)
     states = rng.choice(len(grid.next_state), min(views, len(grid.next_state)), replace=False)
     rows = []
@@ -226,11 +247,11 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
         for state in states:
             pose = grid.pose(int(state))
             picture = camera.picture(pose)
-            owner, depth = _labelled(picture.owner), _labelled(picture.depth)
             rows.append((
-                BUILT_IN.preprocess(shifted(picture.rgb, look.visual_shift)),
-                _heat(category[owner]), _coarse(depth).astype(np.float16),
-                (_coarse(flat[owner]) * 255).astype(np.uint8),
+                percept.preprocess(shifted(picture.rgb, look.visual_shift)),
+                _heat(category[picture.owner], sight),
+                _coarse(picture.depth, sight).astype(np.float16),
+                (_coarse(flat[picture.owner], sight) * 255).astype(np.uint8),
                 camera.visible_categories(pose, picture.pixels(len(objects))),
             ))  # fmt: skip
     arrays = dict(zip(FIELDS, map(np.stack, zip(*rows, strict=True)), strict=True))
@@ -238,40 +259,33 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
     return len(states)
 
 
-LABELLED = 300
-"""Side of the maps that labels are counted in, pixels, whatever the picture's size."""
-
-
-def _labelled(full: np.ndarray) -> np.ndarray:
-    """A map of any size as [300, 300], by its nearest pixels; one of that size as it is."""
-    if full.shape == (LABELLED, LABELLED):
-        return full
-    rows, columns = (
-        ((np.arange(LABELLED) + 0.5) * side / LABELLED).astype(int) for side in full.shape
+def _coarse(full: np.ndarray, sight: Sight) -> np.ndarray:
+    """Mean of a map of the camera's picture over the coarse cells: float32 [*R]."""
+    rows, columns = sight.coarse
+    return np.asarray(
+        cv2.resize(full.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     )
-    return full[rows][:, columns]
 
 
-def _coarse(full: np.ndarray) -> np.ndarray:
-    """Mean of a [300, 300] map over 10x10 cells."""
-    return full.reshape(COARSE, 30, COARSE, 30).mean((1, 3))
+def _heat(category: np.ndarray, sight: Sight) -> np.ndarray:
+    """uint8 [*Q, C] pixels of each category per cell, from int [H, W] ids of the full picture."""
+    (rows, columns), side, kinds = sight.heat, 2 * CELL, len(CATEGORIES) + 1
+    spare = rows * side - category.shape[0], columns * side - category.shape[1]
+    around = [(gap // 2, gap - gap // 2) for gap in spare]
+    padded = np.pad(category, around, constant_values=-1)
+    down, across = np.arange(rows * side) // side, np.arange(columns * side) // side
+    index = (down[:, None] * columns + across) * kinds + padded + 1
+    counts = np.bincount(index.ravel(), minlength=rows * columns * kinds)
+    return np.minimum(counts.reshape(rows, columns, -1)[..., 1:], 255).astype(np.uint8)
 
 
-def _heat(category: np.ndarray) -> np.ndarray:
-    """uint8 [19, 19, C] pixels of each category per cell, from int [300, 300] category ids."""
-    padded = np.pad(category, 2, constant_values=-1)
-    cell = np.arange(HEAT * 16) // 16
-    index = (cell[:, None] * HEAT + cell[None]) * (len(CATEGORIES) + 1) + padded + 1
-    counts = np.bincount(index.ravel(), minlength=HEAT * HEAT * (len(CATEGORIES) + 1))
-    return np.minimum(counts.reshape(HEAT, HEAT, -1)[..., 1:], 255).astype(np.uint8)
-
-
-def _finished(folder: Path, options: RoomOptions, look: Look) -> bool:
+def _finished(kind: str, seed: int, options: RoomOptions, look: Look) -> bool:
+    folder = room_folder(options.out, kind, seed)
     if options.views:
         return (folder / "set.json").exists()
     scene = _whole(folder)
     identity = OnnxPerception(look.perception).identity
-    made_with = (identity, room_source(look.visual_shift), look.camera)
+    made_with = (identity, room_source(kind, look.visual_shift), look.camera)
     return scene is not None and (scene.perception, scene.source, scene.camera) == made_with
 
 
@@ -290,7 +304,9 @@ def run(options: RoomOptions) -> None:
         raise ValueError(
             f"found --visual-shift {options.visual_shift}, expected a number from 0 to 1"
         )
-    rooms = parse_rooms(options.rooms or ["data2"])
+    furniture = FURNITURE if options.furniture == "both" else (options.furniture,)
+    rooms = parse_rooms(options.rooms or ["data2"], furniture)
+    check_furniture(kind for kind, _ in rooms)
     need("mujoco")
     from sim_bridge.world import gl  # noqa: F401  (fails here, once, when nothing can draw)
 
@@ -298,9 +314,9 @@ def run(options: RoomOptions) -> None:
     look = Look(
         CameraSetUp.read(options.camera), perception, options.visual_shift, options.keep_pictures
     )
-    percept = BUILT_IN if options.views else OnnxPerception(perception).gives
+    percept = built_in(look.camera) if options.views else OnnxPerception(perception).gives
     percept.check_size(*look.camera.size[::-1])
-    todo = [r for r in rooms if not _finished(room_folder(options.out, *r), options, look)]
+    todo = [r for r in rooms if not _finished(*r, options, look)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         jobs = {
             pool.submit(render_views, *room, options.out, options.views, look)

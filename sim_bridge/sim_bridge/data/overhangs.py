@@ -19,10 +19,9 @@ from tqdm import tqdm
 from cfnav_core.scenes.scene import HEADINGS
 from cfnav_core.task.actions import STEP_M, Action
 from cfnav_core.task.rooms import parse_rooms
-from sim_bridge.room.parts import Part
 from sim_bridge.room.room import Room, generate_room
 from sim_bridge.world.grid import DIRECTIONS, state_grid
-from sim_bridge.world.world import LIDAR_Z, World
+from sim_bridge.world.world import World, crosses_plane
 
 
 @dataclass(frozen=True)
@@ -63,11 +62,6 @@ class Blocked:
 
     moves: int
     unseen: int
-
-
-def crosses_plane(part: Part, z: float = LIDAR_Z) -> bool:
-    """Whether a horizontal plane (m) cuts a solid part."""
-    return part.solid and abs(part.centre[2] - z) <= part.half[2]
 
 
 def blocked_moves(room: Room) -> Blocked:

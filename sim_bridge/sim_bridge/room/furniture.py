@@ -190,10 +190,14 @@ def bed(b: Builder) -> Frame | None:
 
 
 def cabinet(
-    b: Builder, width: float, depth: float, height: float, kind: str, drawers: int = 2
-) -> Frame | None:
-    """Dresser, night stand, television stand, side cabinet: a box with drawer fronts."""
-    frame = b.place(width, depth)
+    b: Builder, width: float, depth: float, height: float, kind: str, drawers: int = 2,
+    at: Frame | None = None,
+) -> Frame | None:  # fmt: skip
+    """Dresser, night stand, television stand, side cabinet: a box with drawer fronts.
+
+    It stands at a place that was taken for it, or finds one.
+    """
+    frame = at or b.place(width, depth)
     if frame is None:
         return None
     owner, (colour, texture) = b.new("Cabinet"), b.tone()

@@ -324,14 +324,26 @@ WALL_SPANS = {
 RADIUS = {"Microwave": 0.27, "Sink": 0.3, "Television": 0.42, "Pillow": 0.27, "Laptop": 0.2}
 """Space an object needs on a surface, metres; 0.13 when absent."""
 
+TALLEST_M = 0.46
+"""Of the objects that stand on surfaces."""
+
 BACK_OF_SURFACE = frozenset({"Microwave", "Toaster", "CoffeeMachine", "Television", "Kettle"})
 FACING = frozenset({"Television", "Sink", "Microwave"})
 
 
 def put(b: Builder, category: str, kinds: tuple[str, ...]) -> bool:
     """Put one object of a category on a surface of one of the kinds; False when none has room."""
-    surfaces = [s for s in b.surfaces if s.kind in kinds]
-    radius = RADIUS.get(category, 0.13)
+    frame = spot(b, category, kinds, RADIUS.get(category, 0.13))
+    if frame is None:
+        return False
+    turn = 0.0 if category in FACING else float(b.rng.uniform(-0.5, 0.5))
+    DRAWERS[category](b, b.new(category), frame.at(0, 0, 0, turn))
+    return True
+
+
+def spot(b: Builder, category: str, kinds: tuple[str, ...], radius: float) -> Frame | None:
+    """A free place for an object of a radius (m) on a surface of one of the kinds, now taken."""
+    surfaces = [s for s in b.surfaces if s.kind in kinds and s.clear > TALLEST_M]
     for _ in range(40 if surfaces else 0):
         s = surfaces[int(b.rng.integers(len(surfaces)))]
         side = radius * 0.9
@@ -345,10 +357,8 @@ def put(b: Builder, category: str, kinds: tuple[str, ...]) -> bool:
         if any(o is s and np.hypot(ox - x, oy - y) < r + radius for o, ox, oy, r in b.on_surface):
             continue
         b.on_surface.append((s, x, y, radius))
-        turn = 0.0 if category in FACING else float(b.rng.uniform(-0.5, 0.5))
-        DRAWERS[category](b, b.new(category), s.frame.at(x, y, 0, turn))
-        return True
-    return False
+        return s.frame.at(x, y)
+    return None
 
 
 def stand(b: Builder, category: str, size: float = 0.36) -> bool:

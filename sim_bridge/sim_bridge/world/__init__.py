@@ -1,4 +1,5 @@
 """A room in MuJoCo: contacts, scans, pictures, the grid of its reachable states.
 
-May import: cfnav_core.command, cfnav_core.task, cfnav_core.scenes, sim_bridge.room, mujoco.
+May import: cfnav_core.command, cfnav_core.task, cfnav_core.scenes, sim_bridge.room,
+sim_bridge.sweet_home, mujoco.
 """

@@ -17,7 +17,16 @@ import mujoco as mj  # isort: skip
 from cfnav_core.task.camera import MAST
 from sim_bridge.room.parts import Part
 from sim_bridge.room.room import Room
+from sim_bridge.world.groups import (
+    ROBOT,
+    TOUCH_AND_LASER,
+    TOUCH_ONLY,
+    VISIBLE_MESH,
+    VISIBLE_ONLY,
+    VISIBLE_PRIMITIVE,
+)
 from sim_bridge.world.meshes import MESHES
+from sim_bridge.world.model_parts import add_model
 
 HULL_RADIUS = 0.175
 """Robot radius, metres: Nav2's ``robot_radius`` for the TurtleBot 4 (its shell has 0.164)."""
@@ -31,9 +40,6 @@ SWEEP_STEP_M = 0.0125
 """Spacing of the contact queries along a swept displacement."""
 TILT_SPEED = 1.0
 """rad/s of the camera's tilt mechanism."""
-
-VISIBLE_MESH, VISIBLE_PRIMITIVE, VISIBLE_ONLY, TOUCH_ONLY, ROBOT = range(5)
-"""Geom groups: the camera draws the first three, laser and contacts use the second and fourth."""
 
 _GEOM = {
     "box": mj.mjtGeom.mjGEOM_BOX,
@@ -91,7 +97,8 @@ class World:
         self._hull = self.model.geom("hull").id
         self._mast = self.model.geom("mast").id if mast else -1
         self._tilt = 0.0
-        self._laser_groups = np.array([0, 1, 0, 1, 0, 0], np.uint8)
+        self._laser_groups = np.zeros(mj.mjNGROUP, np.uint8)
+        self._laser_groups[[VISIBLE_PRIMITIVE, TOUCH_AND_LASER]] = 1
         self.reset(room.width / 2, room.depth / 2, 0.0)
 
     @property
@@ -243,6 +250,10 @@ def _build(room: Room, mast: bool) -> tuple[mj.MjModel, np.ndarray]:
             "size": radius_height if part.shape == "cylinder" else part.half,
         }
         touch = {"contype": 1, "conaffinity": 2} if part.solid else {"contype": 0, "conaffinity": 0}
+        if not part.visible:
+            spec.worldbody.add_geom(**geom, **primitive, **touch, group=_unseen(part))
+            owners.append(part.owner)
+            continue
         look = {"material": _material(spec, materials, part)}
         if part.texture is None:
             group = VISIBLE_PRIMITIVE if part.solid else VISIBLE_ONLY
@@ -255,11 +266,25 @@ def _build(room: Room, mast: bool) -> tuple[mj.MjModel, np.ndarray]:
         )  # fmt: skip
         owners.append(part.owner)
         if part.solid:
-            spec.worldbody.add_geom(**geom, **primitive, **touch, group=TOUCH_ONLY)
+            spec.worldbody.add_geom(**geom, **primitive, **touch, group=_unseen(part))
             owners.append(part.owner)
+    # what is transparent is drawn last, and shows what is behind it
+    for placed in sorted(room.placed, key=lambda placed: placed.model.transparent):
+        add_model(spec, placed.model, placed.frame)
+        owners += placed.owners
     _robot(spec, mast)
     owners += [-1] * (1 + mast)
     return spec.compile(), np.array(owners)
+
+
+def _unseen(part: Part) -> int:
+    """The group of what no camera draws."""
+    return TOUCH_AND_LASER if crosses_plane(part) else TOUCH_ONLY
+
+
+def crosses_plane(part: Part, z: float = LIDAR_Z) -> bool:
+    """Whether a horizontal plane (m) cuts a solid part."""
+    return part.solid and abs(part.centre[2] - z) <= part.half[2]
 
 
 def _settings(spec: mj.MjSpec, room: Room) -> None:

@@ -47,7 +47,7 @@ def test_a_file_that_is_no_camera_is_refused(text: str, words: str, tmp_path: Pa
     path.write_text(text)
     with pytest.raises(ValueError, match=words):
         CameraSetUp.read(str(path))
-    with pytest.raises(ValueError, match=r"mast, preview or a JSON file"):
+    with pytest.raises(ValueError, match=r"mast, stock_preview, stock_wide or a JSON file"):
         CameraSetUp.read(str(tmp_path / "none"))
 
 
@@ -66,4 +66,4 @@ def test_cameras_differ_by_view_and_shape_and_not_by_pixels() -> None:
 
 def test_it_says_itself_in_words() -> None:
     assert str(MAST) == "90 x 90 degrees, 300 x 300 pixels, 1.3 m up, tilts to 0 and -30 degrees"
-    assert "does not tilt" in str(CAMERAS["preview"])
+    assert "does not tilt" in str(CAMERAS["stock_preview"])

@@ -69,7 +69,7 @@ def test_the_same_camera_is_whole_in_any_resolution() -> None:
     for learnt, found in (
         (MAST, camera(90.0, 150, 150)),
         (MAST, camera(93.0, 151, 150)),
-        (CAMERAS["preview"], PREVIEW),
+        (CAMERAS["stock_preview"], PREVIEW),
     ):
         assert fitting(learnt, found) is WHOLE
     picture = frame(150, 150)

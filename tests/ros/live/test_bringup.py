@@ -255,7 +255,7 @@ def stock_robot(start_process: Callable, *parameters: str) -> None:
     given = (
         "robot:=turtlebot4",
         "room:=bathroom:20",
-        "camera:=preview",
+        "camera:=stock_preview",
         "clock:=system",
         *parameters,
     )

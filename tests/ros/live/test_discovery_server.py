@@ -44,7 +44,7 @@ def server(start_process: Callable, monkeypatch: pytest.MonkeyPatch) -> str:
 def test_a_robot_drives_and_plain_clients_of_whatever_domain_are_seen_and_end_the_drive(
     server: str, start_process: Callable, make_bundle: Callable, ros_domain_id: int, tmp_path: Path
 ) -> None:
-    robot = ("robot:=turtlebot4", "room:=bathroom:20", "camera:=preview", "clock:=system")
+    robot = ("robot:=turtlebot4", "room:=bathroom:20", "camera:=stock_preview", "clock:=system")
     start_process(
         "sim_bridge.ros.mock_turtlebot4",
         *("--ros-args", *(word for parameter in robot for word in ("-p", parameter))),

@@ -27,7 +27,7 @@ IMAGE, INFO = "oakd/rgb/preview/image_raw", "oakd/rgb/preview/camera_info"
 def robot(tmp_path_factory):
     with Domain() as domain:
         log = tmp_path_factory.mktemp("mock") / "log"
-        process = start_mock(log, domain, f"room:={ROOM}", "camera:=preview", "seed:=1")
+        process = start_mock(log, domain, f"room:={ROOM}", "camera:=stock_preview", "seed:=1")
         listener = Listener(domain)
         try:
             process.wait_for_line("ready")
@@ -48,7 +48,7 @@ def test_picture_and_its_intrinsics(robot):
 
 def test_picture_is_taken_from_the_bracket_and_noisy(robot):
     truth = robot.truth
-    set_up = CAMERAS["preview"]
+    set_up = CAMERAS["stock_preview"]
     world = World(generate_room(*parse_room(ROOM)))
     with Camera(world, set_up) as camera:
         rgb = camera.rgb(Pose(truth.x, truth.y, truth.yaw)).astype(float)

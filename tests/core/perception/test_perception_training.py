@@ -1,0 +1,95 @@
+"""Training perception among sets that come while it runs, and what it then says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from cfnav_core.perception.net import PerceptionNet, export_perception
+from cfnav_core.perception.perception import OnnxPerception
+from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.perception.sight import Sight
+from cfnav_core.perception.train import PerceptionOptions, Shelf, train
+from cfnav_core.task.camera import CAMERAS, CameraSetUp
+from cfnav_core.task.vocabulary import CATEGORIES
+
+SMALL = CameraSetUp(0.0, 0.3, (60.0, 40.0), (96, 64), (0.0,))
+"""A camera of small pictures, wider than high."""
+
+
+def make(folder, seed, camera=SMALL, count=24, kind="kitchen"):
+    """A room in which a bright square in the left half is a Mug, in the right half a Bowl."""
+    sight, rng = Sight.of(camera), np.random.default_rng(seed)
+    rows, columns = sight.heat
+    pictures = rng.integers(0, 60, (count, *sight.picture, 3), np.uint8)
+    heat = np.zeros((count, rows, columns, len(CATEGORIES)), np.uint8)
+    visible = np.zeros((count, len(CATEGORIES)), bool)
+    for k in range(count):
+        row, column = int(rng.integers(rows)), int(rng.integers(columns))
+        pictures[k, 8 * row : 8 * row + 8, 8 * column : 8 * column + 8] = 250
+        thing = CATEGORIES.index("Mug" if column < columns / 2 else "Bowl")
+        heat[k, row, column, thing] = 255
+        visible[k, thing] = True
+    sizes = (count, *sight.coarse)
+    PictureSet(
+        pictures, heat, np.full(sizes, 2.0, np.float16), np.zeros(sizes, np.uint8), visible,
+        CATEGORIES, camera,
+    ).save(folder / f"{kind}_{seed:05d}")  # fmt: skip
+
+
+@pytest.fixture
+def options(tmp_path):
+    for seed in (1000, 1001, 1002, 1019):
+        make(tmp_path / "sets", seed)
+    return PerceptionOptions(
+        tmp_path / "sets", tmp_path / "perception.onnx", pictures=640, batch=32, threads=1
+    )
+
+
+@pytest.mark.parametrize("name", sorted(CAMERAS))
+def test_the_network_has_the_sizes_of_its_camera(name, tmp_path):
+    camera = CAMERAS[name]
+    sight = Sight.of(camera)
+    net = PerceptionNet(sight=sight)
+    shown, near, features, geometry = net(torch.zeros(1, 3, *sight.picture))
+    assert shown.shape[2:] == near.shape[2:] == sight.heat
+    assert geometry.shape[2:] == sight.coarse
+    export_perception(net, tmp_path / "p.onnx", camera=camera)
+    perception = OnnxPerception(tmp_path / "p.onnx")
+    assert (perception.gives.size, perception.gives.camera) == (sight.picture, camera)
+    width, height = camera.size
+    seen = perception.observe(np.zeros((height, width, 3), np.uint8))
+    assert seen.features.shape[-1] == features.shape[1]
+
+
+def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_killed(options):
+    said = train(options)
+    assert said["seen"] == 640
+    assert said["training_rooms"] == 3
+    held_out = said["held out, built_in"]
+    assert held_out["rooms"] == 1
+    assert held_out["pictures"] == 24
+    assert {"shown_auc_mean", "near_auc_mean", "near_f1", "depth_relative_error"} < set(held_out)
+    assert OnnxPerception(options.out).gives.camera == SMALL
+    make(options.data, 1003, kind="sweet_home.kitchen")
+    make(options.data, 1039, kind="sweet_home.kitchen")
+    more = train(replace(options, pictures=704))
+    assert more["seen"] == 704
+    assert more["training_rooms"] == 4
+    assert more["held out, sweet_home"]["rooms"] == 1
+
+
+def test_too_few_sets_are_one_sentence(tmp_path):
+    make(tmp_path, 1000)
+    with pytest.raises(ValueError, match=r"found 1 picture sets in .*, 0 of them held out"):
+        train(PerceptionOptions(tmp_path, tmp_path / "p.onnx"))
+
+
+def test_a_batch_is_of_many_rooms_and_made_again_from_its_seed(options):
+    shelf = Shelf(options.data)
+    shelf.look()
+    first, again = (shelf.batch(32, np.random.default_rng(3)) for _ in range(2))
+    assert torch.equal(first.pictures, again.pictures)
+    assert first.pictures.shape == (32, 3, *Sight.of(SMALL).picture)
+    assert torch.equal(first.heat.amax((2, 3)) > 0, first.visible > 0)

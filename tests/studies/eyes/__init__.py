@@ -1,0 +1,1 @@
+"""Perception networks judged on pictures."""
