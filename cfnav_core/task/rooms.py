@@ -13,11 +13,12 @@ from types import MappingProxyType
 
 from cfnav_core.task.vocabulary import ROOM_TYPES
 
-BUILT_IN, SWEET_HOME = "built_in", "sweet_home"
-FURNITURE = (BUILT_IN, SWEET_HOME)
-"""Our own furniture, and the models of the Debian package sweethome3d-furniture."""
+BUILT_IN, SWEET_HOME, CC0 = "built_in", "sweet_home", "cc0"
+FURNITURE = (BUILT_IN, SWEET_HOME, CC0)
+"""Our own furniture, the models of the Debian package sweethome3d-furniture, and those few of them
+that are in the public domain and come with cfnav."""
 
-KINDS = (*ROOM_TYPES, *(f"{SWEET_HOME}.{kind}" for kind in ROOM_TYPES))
+KINDS = (*ROOM_TYPES, *(f"{name}.{kind}" for name in FURNITURE[1:] for kind in ROOM_TYPES))
 """Every kind of room that can be made."""
 
 SPLIT_NAMES = ("train", "validation", "test")

@@ -29,7 +29,8 @@ from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.rooms import (
-    FURNITURE,
+    BUILT_IN,
+    CC0,
     SWEET_HOME,
     furniture_of,
     parse_rooms,
@@ -38,7 +39,7 @@ from cfnav_core.task.rooms import (
 )
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.room.room import ROOMS_VERSION, Room, check_furniture, generate_room
-from sim_bridge.room.sweet_home import SWEET_HOME_VERSION
+from sim_bridge.room.sweet_home import CC0_VERSION, SWEET_HOME_VERSION
 from sim_bridge.world.visual_shift import shifted
 
 if TYPE_CHECKING:
@@ -73,9 +74,9 @@ class RoomOptions:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
-    furniture: Literal["built_in", "sweet_home", "both"] = "built_in"
+    furniture: Literal["built_in", "sweet_home", "both", "cc0"] = "built_in"
     """Of rooms that name none: our own, models of the Debian package sweethome3d-furniture, or a
-    room of each."""
+    room of each of these; cc0: the few of its models that come with cfnav."""
 
     def run_command(self) -> None:
         """Render."""
@@ -85,11 +86,13 @@ class RoomOptions:
 def room_source(kind: str, visual_shift: float = 0.0) -> str:
     """What a kind of room and its pictures are made by: their version, and another light and lens.
 
-    Rooms of Sweet Home 3D's furniture have a version of their own.
+    Each furniture has a version of its own.
     """
-    made = f"rooms {ROOMS_VERSION}"
-    if furniture_of(kind) == SWEET_HOME:
-        made = f"{SWEET_HOME} rooms {SWEET_HOME_VERSION}"
+    made = {
+        BUILT_IN: f"rooms {ROOMS_VERSION}",
+        SWEET_HOME: f"{SWEET_HOME} rooms {SWEET_HOME_VERSION}",
+        CC0: f"{CC0} rooms {CC0_VERSION}",
+    }[furniture_of(kind)]
     return made + (f" shifted by {visual_shift}" if visual_shift else "")
 
 
@@ -304,7 +307,8 @@ def run(options: RoomOptions) -> None:
         raise ValueError(
             f"found --visual-shift {options.visual_shift}, expected a number from 0 to 1"
         )
-    furniture = FURNITURE if options.furniture == "both" else (options.furniture,)
+    both = options.furniture == "both"
+    furniture = (BUILT_IN, SWEET_HOME) if both else (options.furniture,)
     rooms = parse_rooms(options.rooms or ["data2"], furniture)
     check_furniture(kind for kind, _ in rooms)
     need("mujoco")

@@ -6,7 +6,7 @@ Like ``furniture``: each function finds its place, draws itself and offers its s
 from __future__ import annotations
 
 from sim_bridge.room.furniture import DARK, METAL, drawer
-from sim_bridge.room.parts import Builder, Frame, Surface, hsv
+from sim_bridge.room.parts import Builder, Frame, Surface, darker, hsv
 
 
 def counter(b: Builder, width: float, depth: float = 0.6, kind: str = "counter") -> Frame | None:
@@ -132,3 +132,29 @@ def bathtub(b: Builder) -> None:
     b.add(owner, "box", frame, (0, 0.36, 0.36), (w / 2 - 0.1, 0.28, 0.02), (0.62, 0.78, 0.86))
     b.add(owner, "box", frame, (w / 2 - 0.05, 0.36, 0.68), (0.015, 0.015, 0.1), METAL)
     b.occupy_wall(frame, w, 0, 0.8)
+
+
+def door(b: Builder, frame: Frame, width: float, height: float) -> None:
+    """A door in its casing, of that size over all; its frame is on the wall."""
+    owner, casing = b.new("Door"), 0.07
+    colour = hsv(0.1, float(b.rng.uniform(0.0, 0.3)), float(b.rng.uniform(0.75, 0.97)))
+    inner = width / 2 - casing
+    for x in (-width / 2 + casing / 2, width / 2 - casing / 2):
+        b.add(owner, "box", frame, (x, 0.015, height / 2), (casing / 2, 0.015, height / 2), colour)
+    b.add(owner, "box", frame, (0, 0.015, height - casing / 2), (inner, 0.015, casing / 2), colour)
+    b.add(owner, "box", frame, (0, 0.008, (height - casing) / 2),
+          (inner, 0.008, (height - casing) / 2), darker(colour, 0.95), "panel_door")  # fmt: skip
+    b.add(owner, "box", frame, (inner - 0.07, 0.02, 1.04), (0.02, 0.006, 0.1), METAL, solid=False)
+    b.add(owner, "box", frame, (inner - 0.11, 0.05, 1.08), (0.06, 0.01, 0.01), METAL, solid=False)
+
+
+def window_frame(b: Builder, frame: Frame, low: float, width: float, height: float) -> None:
+    """What is around the two panes of a window that begins at ``low``, and its sill."""
+    owner, bar, white = b.new("Window"), 0.04, (0.93, 0.93, 0.92)
+    for x, half in ((0, 0.6 * bar), (-width / 2 + bar, bar), (width / 2 - bar, bar)):
+        b.add(owner, "box", frame, (x, 0.02, low + height / 2), (half, 0.02, height / 2), white,
+              solid=False)  # fmt: skip
+    for z in (low + bar, low + height - bar):
+        b.add(owner, "box", frame, (0, 0.018, z), (width / 2, 0.018, bar), white, solid=False)
+    b.add(owner, "box", frame, (0, 0.06, low - 0.015), (width / 2 + 0.05, 0.06, 0.015), white,
+          solid=False)  # fmt: skip

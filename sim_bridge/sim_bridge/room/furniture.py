@@ -11,6 +11,8 @@ from sim_bridge.room.parts import Builder, Frame, Surface, darker, hsv
 
 DARK = (0.12, 0.12, 0.13)
 METAL = (0.72, 0.74, 0.77)
+BED_M = 2.0
+"""Length of a bed."""
 
 
 def _legs(b: Builder, owner: int, frame: Frame, w: float, d: float, h: float, r: float) -> None:
@@ -31,8 +33,13 @@ def drawer(b: Builder, owner: int, frame: Frame, z: float) -> None:
               darker(colour, 0.8))  # fmt: skip
 
 
-def table(b: Builder, kind: str = "table", chairs: int = 0, wall: bool = False) -> Frame | None:
-    """Table, low table or desk; its top overhangs what the LiDAR sees, its legs."""
+def table(
+    b: Builder, kind: str = "table", chairs: int = 0, wall: bool = False, at: Frame | None = None
+) -> Frame | None:
+    """Table, low table or desk; its top overhangs what the LiDAR sees, its legs.
+
+    It stands at a given place, unless that is taken, or finds one.
+    """
     rng = b.rng
     if kind == "low_table":
         w, d, h = rng.uniform(0.8, 1.2), rng.uniform(0.5, 0.65), rng.uniform(0.38, 0.46)
@@ -41,7 +48,10 @@ def table(b: Builder, kind: str = "table", chairs: int = 0, wall: bool = False) 
     else:
         w, d, h = rng.uniform(0.9, 1.5), rng.uniform(0.65, 0.85), rng.uniform(0.71, 0.76)
     w, d, h = float(w), float(d), float(h)
-    frame = b.place(w, d, wall, 0.0 if wall else 0.5)
+    if at is None:
+        frame = b.place(w, d, wall, 0.0 if wall else 0.5)
+    else:
+        frame = at if b.take(at, w, d) else None
     if frame is None:
         return None
     owner, (colour, texture) = b.new("Table"), b.tone()
@@ -162,7 +172,7 @@ def sofa(b: Builder, name: str = "Sofa") -> Frame | None:
 def bed(b: Builder) -> Frame | None:
     """A double bed with its head to the wall."""
     rng = b.rng
-    w, d = float(rng.uniform(1.2, 1.6)), 2.0
+    w, d = float(rng.uniform(1.2, 1.6)), BED_M
     frame = b.place(w, d)
     if frame is None:
         return None

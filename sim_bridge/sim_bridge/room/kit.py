@@ -1,12 +1,13 @@
 """Models of furniture for one room: which ones, and how each is put down, up or on top.
 
-Where a category has no model, or few, our own drawing stands in for it now and then.
+Where a category has no model, or few, our own drawing stands in for it now and then. Where a role
+has none, its recipe stands our own furniture there, or goes without it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from sim_bridge.room import objects as ob
@@ -15,7 +16,7 @@ from sim_bridge.room.surroundings import Surroundings
 from sim_bridge.sweet_home.bands import BANDS, Box
 from sim_bridge.sweet_home.model import Model
 from sim_bridge.sweet_home.shelves import shelves
-from sim_bridge.sweet_home.table import Piece, pieces
+from sim_bridge.sweet_home.table import Piece
 
 FEW = 3
 """Models of a category; where a room has fewer to choose from, half of its things are our own."""
@@ -61,11 +62,15 @@ class Kit:
 
     Attributes:
         around: walls, windows and lamps of the room.
+        pieces: models by role; a role may have none.
         held_out: whether the room has what only test rooms have, instead of what they do not.
+        clutter_once: whether no model of clutter stands twice in the room, where there are few.
     """
 
     around: Surroundings
+    pieces: Mapping[str, tuple[Piece, ...]]
     held_out: bool
+    clutter_once: bool = False
 
     @property
     def b(self) -> Builder:
@@ -76,11 +81,14 @@ class Kit:
         """The pieces of a role that suit the room; those of both sides where its own has none."""
         suits = [
             piece
-            for piece in pieces().get(role, ())
+            for piece in self.pieces.get(role, ())
             if (not piece.rooms or self.around.room_type in piece.rooms) and fits(piece)
         ]
-        own = [piece for piece in suits if piece.held_out == self.held_out]
-        return own or suits
+        own = [piece for piece in suits if piece.held_out == self.held_out] or suits
+        if self.clutter_once and role.startswith("clutter"):
+            there = {placed.model.id for placed in self.b.placed}
+            return [piece for piece in own if piece.entry.id not in there]
+        return own
 
     def pick(self, role: str, fits: Fits = any_piece) -> Piece | None:
         """One of them at random, None when there is none."""

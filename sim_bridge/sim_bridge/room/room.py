@@ -1,4 +1,4 @@
-"""A seeded furnished room of one of four types, of our own furniture or of Sweet Home 3D's.
+"""A seeded furnished room of one of four types, of our own furniture or of Sweet Home 3D's models.
 
 ``generate_room(kind, seed)`` is a pure function of its arguments. Knows no MuJoCo.
 """
@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfnav_core.task.rooms import SWEET_HOME, furniture_of, parse_room, split_of, type_of
+from cfnav_core.task.rooms import furniture_of, parse_room, split_of, type_of
 from cfnav_core.task.vocabulary import CATEGORY_ID
 from sim_bridge.room import built_in, sweet_home
 from sim_bridge.room.parts import Builder, Colour, Part, Placed, RoomObject
 from sim_bridge.room.shell import finish
 from sim_bridge.room.textures import Texture
-from sim_bridge.sweet_home.table import pieces
 
 ROOMS_VERSION = 1
 """Rises when a seed's room, its grid or its pictures come out otherwise; a test holds it."""
@@ -80,15 +79,15 @@ def check_furniture(kinds: Iterable[str]) -> None:
     Raises:
         ValueError: it is not; the message says how to install it.
     """
-    if SWEET_HOME in map(furniture_of, kinds):
-        pieces()
+    for furniture in sweet_home.PIECES.keys() & set(map(furniture_of, kinds)):
+        sweet_home.PIECES[furniture]()
 
 
 def generate_room(kind: str, seed: int) -> Room:
     """Draw a room.
 
     Args:
-        kind: kitchen, living_room, bedroom or bathroom; sweet_home.kitchen and so on.
+        kind: kitchen, living_room, bedroom or bathroom; sweet_home.kitchen, cc0.kitchen and so on.
         seed: 0 or more; ``cfnav_core.task.rooms.SPLITS`` says what for.
 
     Raises:
@@ -100,8 +99,9 @@ def generate_room(kind: str, seed: int) -> Room:
     (wl, wh), (dl, dh) = SIZES[room_type]
     b = Builder(rng, float(rng.uniform(wl, wh)), float(rng.uniform(dl, dh)))
     b.wood_tones = [finish(rng) for _ in range(3)]
-    if furniture_of(kind) == SWEET_HOME:
-        look = sweet_home.make(b, room_type, held_out=split_of("worlds", seed) == "test")
+    if (furniture := furniture_of(kind)) in sweet_home.PIECES:
+        held_out = split_of("worlds", seed) == "test"
+        look = sweet_home.make(b, room_type, furniture, held_out)
     else:
         look = built_in.make(b, room_type)
     return Room(

@@ -6,10 +6,11 @@ television; night stands beside the bed; kitchen units in a row; chairs at table
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from cfnav_core.task.rooms import CC0, SWEET_HOME
 from sim_bridge.room import materials as ma
 from sim_bridge.room.built_in import Look
 from sim_bridge.room.kit import Kit
@@ -19,10 +20,16 @@ from sim_bridge.room.recipes.common import hang, litter
 from sim_bridge.room.recipes.openings import door, lamps, window
 from sim_bridge.room.surroundings import Surroundings
 from sim_bridge.room.textures import TEXTURES
+from sim_bridge.sweet_home.table import Piece, pieces, shipped_pieces
 
-SWEET_HOME_VERSION = 1
-"""Rises when a seed's room comes out otherwise: with the recipes, the table of models or how they
-are read."""
+SWEET_HOME_VERSION, CC0_VERSION = 1, 1
+"""Each rises when a seed's room comes out otherwise: with the recipes, the table of models or how
+they are read, and that of CC0 with the models that come with cfnav."""
+
+PIECES: dict[str, Callable[[], Mapping[str, tuple[Piece, ...]]]] = {
+    SWEET_HOME: pieces, CC0: shipped_pieces,
+}  # fmt: skip
+"""The models of a furniture."""
 
 RECIPES: dict[str, Callable[[Kit], None]] = {
     "kitchen": kitchen.furnish, "living_room": living_room.furnish, "bedroom": bedroom.furnish,
@@ -30,12 +37,13 @@ RECIPES: dict[str, Callable[[Kit], None]] = {
 }  # fmt: skip
 
 
-def make(b: Builder, room_type: str, held_out: bool) -> Look:
+def make(b: Builder, room_type: str, furniture: str, held_out: bool) -> Look:
     """Build and furnish a room.
 
     Args:
         b: empty.
         room_type: one of ``cfnav_core.task.vocabulary.ROOM_TYPES``.
+        furniture: one of ``PIECES``.
         held_out: whether the room has the models that only test rooms have.
 
     Raises:
@@ -44,7 +52,7 @@ def make(b: Builder, room_type: str, held_out: bool) -> Look:
     around = Surroundings(b, room_type)
     around.build()
     b.tallest = 2.0
-    kit = Kit(around, held_out)
+    kit = Kit(around, PIECES[furniture](), held_out, clutter_once=furniture == CC0)
     door(kit)
     for _ in range(int(b.rng.integers(1, 3))):
         window(kit)

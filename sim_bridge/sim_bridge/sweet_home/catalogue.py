@@ -1,7 +1,8 @@
 """What furniture there is: the catalogues inside the archives of sweethome3d-furniture.
 
 Each archive (``.sh3f``) is a zip with a Java properties file that gives every model's real size.
-Read are the four archives of things in rooms, not the one of people.
+Read are the four archives of things in rooms, not the one of people; or the one that comes with
+cfnav, of the few models that are in the public domain.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ FOLDER = Path("/usr/share/sweethome3d/furniture")
 """Where the Debian package puts its archives."""
 VARIABLE = "CFNAV_SWEET_HOME"
 """Environment variable that names another folder of archives."""
+SHIPPED = Path(__file__).parent / "cc0/models.sh3f"
+"""What comes with cfnav; ``sim_bridge.data.ship_models`` makes it."""
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
@@ -88,9 +91,23 @@ def catalogue(folder: Path | None = None) -> dict[str, Entry]:
         raise SweetHomeError(
             f"found no {', '.join(absent)} in {folder}; install them with 'apt install "
             f"sweethome3d-furniture', or unpack that package and set {VARIABLE} to its folder of "
-            ".sh3f files"
+            ".sh3f files; rooms such as cc0.kitchen:25 need neither"
         )
     return {entry.id: entry for path in paths for entry in _entries(path)}
+
+
+def shipped() -> dict[str, Entry]:
+    """Read what furniture comes with cfnav: entries by id.
+
+    Raises:
+        SweetHomeError: the archive is missing or damaged.
+    """
+    return {entry.id: entry for entry in _entries(SHIPPED)}
+
+
+def package_of(archive: Path) -> str:
+    """What has to be installed again where an archive is damaged."""
+    return "cfnav" if archive == SHIPPED else "sweethome3d-furniture"
 
 
 def _entries(archive: Path) -> list[Entry]:
@@ -99,7 +116,7 @@ def _entries(archive: Path) -> list[Entry]:
             text = file.read(PROPERTIES).decode("latin-1")
     except (OSError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         raise SweetHomeError(
-            f"found {archive} damaged ({error}); install sweethome3d-furniture again"
+            f"found {archive} damaged ({error}); install {package_of(archive)} again"
         ) from error
     rows: dict[str, dict[str, str]] = {}
     for key, value in read_properties(text).items():
@@ -145,5 +162,5 @@ def _entry(row: Mapping[str, str], licence: str, archive: Path) -> Entry:
     except (KeyError, ValueError) as error:
         raise SweetHomeError(
             f"found {name} damaged in {archive} ({type(error).__name__}: {error}); install "
-            "sweethome3d-furniture again"
+            f"{package_of(archive)} again"
         ) from error

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from sim_bridge.sweet_home.bands import Box, boxes
-from sim_bridge.sweet_home.catalogue import Entry, SweetHomeError
+from sim_bridge.sweet_home.catalogue import Entry, SweetHomeError, package_of
 from sim_bridge.sweet_home.obj import Material, Obj, read_materials, read_obj
 
 LARGEST = 70_000
@@ -110,7 +110,7 @@ def build(entry: Entry, apart: Collection[str] = ()) -> Model:
             raise
         raise SweetHomeError(
             f"found {entry.id} damaged in {entry.archive} ({error}); install "
-            "sweethome3d-furniture again, or leave this model out"
+            f"{package_of(entry.archive)} again, or leave this model out"
         ) from error
     return Model(entry.id, entry.size, meshes, tuple(boxes(triangles_of(meshes), entry.elevation)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from sim_bridge.sweet_home.catalogue import (
     SweetHomeError,
     catalogue,
     furniture_folder,
+    shipped,
 )
 from sim_bridge.sweet_home.model import Model
 
@@ -79,36 +80,62 @@ def pieces() -> Mapping[str, tuple[Piece, ...]]:
 @cache
 def _pieces(path: Path, folder: Path) -> Mapping[str, tuple[Piece, ...]]:
     known = catalogue(folder)
-    rows = yaml.safe_load(path.read_text())
+
+    def look_up(role: str, name: str) -> Entry:
+        if name not in known:
+            raise SweetHomeError(
+                f"found no {name} in the installed furniture, which {TABLE.name} names for {role}; "
+                "install sweethome3d-furniture 1.8"
+            )
+        return known[name]
+
+    return _cast(path, look_up)
+
+
+@cache
+def shipped_pieces() -> Mapping[str, tuple[Piece, ...]]:
+    """The pieces of the project's table that come with cfnav, by role; roles may have none.
+
+    Each plays its part as in ``pieces()`` and is held out where it is there.
+
+    Raises:
+        SweetHomeError: what came with cfnav is missing or damaged.
+    """
+    known = shipped()
+    return _cast(TABLE, lambda role, name: known.get(name))
+
+
+def _cast(
+    table: Path, look_up: Callable[[str, str], Entry | None]
+) -> Mapping[str, tuple[Piece, ...]]:
+    """Each role of a table with its pieces: those of which there is a model."""
+    rows = yaml.safe_load(table.read_text())
     rows.pop("left_out", None)
-    return MappingProxyType({role: tuple(_of_role(role, row, known)) for role, row in rows.items()})
+    return MappingProxyType(
+        {role: tuple(_of_role(role, row, look_up)) for role, row in rows.items()}
+    )
 
 
-def _of_role(role: str, rows: list[dict[str, Any]], known: Mapping[str, Entry]) -> list[Piece]:
-    found: list[Piece] = []
+def _of_role(
+    role: str, rows: list[dict[str, Any]], look_up: Callable[[str, str], Entry | None]
+) -> Iterator[Piece]:
     families: dict[str, bool] = {}
     for index, row in enumerate(rows):
-        if row["id"] not in known:
-            raise SweetHomeError(
-                f"found no {row['id']} in the installed furniture, which {TABLE.name} names for "
-                f"{role}; install sweethome3d-furniture 1.8"
-            )
-        entry = known[row["id"]]
+        held_out = index % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
+        if "family" in row:
+            held_out = families.setdefault(row["family"], held_out)
+        entry = look_up(role, row["id"])
+        if entry is None:
+            continue
         if "size" in row:
             entry = replace(entry, size=tuple(row["size"]))
         if "turn" in row:
             entry = _turned(entry, row["turn"])
-        held_out = index % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
-        if "family" in row:
-            held_out = families.setdefault(row["family"], held_out)
-        found.append(
-            Piece(
-                entry, role, held_out, tuple(row.get("rooms", ())), tuple(row.get("on", ())),
-                bool(row.get("wall", False)), row.get("kind", ""), row.get("style", ""),
-                row.get("goals", {}),
-            )
+        yield Piece(
+            entry, role, held_out, tuple(row.get("rooms", ())), tuple(row.get("on", ())),
+            bool(row.get("wall", False)), row.get("kind", ""), row.get("style", ""),
+            row.get("goals", {}),
         )  # fmt: skip
-    return found
 
 
 def _turned(entry: Entry, degrees: int) -> Entry:

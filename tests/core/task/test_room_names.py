@@ -6,6 +6,7 @@ import pytest
 
 from cfnav_core.task.rooms import (
     BUILT_IN,
+    CC0,
     FURNITURE,
     SPLIT_NAMES,
     SWEET_HOME,
@@ -27,6 +28,8 @@ def test_a_kind_is_furniture_and_type():
     assert (furniture_of("sweet_home.kitchen"), furniture_of("kitchen")) == (SWEET_HOME, BUILT_IN)
     assert of_furniture("kitchen", SWEET_HOME) == "sweet_home.kitchen"
     assert of_furniture("sweet_home.kitchen", BUILT_IN) == "kitchen"
+    assert parse_room("cc0.bathroom:25") == ("cc0.bathroom", 25)
+    assert (furniture_of("cc0.bathroom"), of_furniture("kitchen", CC0)) == (CC0, "cc0.kitchen")
 
 
 @pytest.mark.parametrize("text", ["attic:1", "sweet_home.attic:1", "ikea.kitchen:1", "kitchen:-1"])
@@ -43,6 +46,7 @@ def test_rooms_that_name_no_furniture_get_the_one_asked_for():
     assert parse_rooms(["kitchen:1"], [SWEET_HOME]) == [("sweet_home.kitchen", 1)]
     both = parse_rooms(texts, FURNITURE)
     assert [kind for kind, _ in both].count("sweet_home.kitchen") == 2
+    assert [kind for kind, _ in both].count("cc0.kitchen") == 2
     assert both.count(("sweet_home.bedroom", 3)) == 1
 
 

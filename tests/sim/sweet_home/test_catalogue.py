@@ -44,7 +44,8 @@ def test_a_missing_package_is_one_sentence(tmp_path, monkeypatch):
     assert str(error.value) == (
         f"found no BlendSwap-CC-0.sh3f, BlendSwap-CC-BY.sh3f, KatorLegaz.sh3f, Scopia.sh3f in "
         f"{tmp_path}/none; install them with 'apt install sweethome3d-furniture', or unpack that "
-        "package and set CFNAV_SWEET_HOME to its folder of .sh3f files"
+        "package and set CFNAV_SWEET_HOME to its folder of .sh3f files; rooms such as "
+        "cc0.kitchen:25 need neither"
     )
 
 

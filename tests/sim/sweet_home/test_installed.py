@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import hashlib
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+from sim_bridge.data.ship_models import ShipOptions
 from sim_bridge.room.room import Room, generate_room
 from sim_bridge.room.sweet_home import SWEET_HOME_VERSION
-from sim_bridge.sweet_home.catalogue import SweetHomeError, furniture_folder
-from sim_bridge.sweet_home.table import pieces
+from sim_bridge.sweet_home.cache import load
+from sim_bridge.sweet_home.catalogue import (
+    PROPERTIES,
+    SHIPPED,
+    SweetHomeError,
+    catalogue,
+    furniture_folder,
+    shipped,
+)
+from sim_bridge.sweet_home.model import build
+from sim_bridge.sweet_home.pack import STEPS
+from sim_bridge.sweet_home.table import pieces, shipped_pieces
 from sim_bridge.world.grid import state_grid
 from sim_bridge.world.world import World
 
@@ -22,6 +36,7 @@ ROOMS = [
     for kind in ROOM_TYPES
     for seed in (*range(100, 107), *range(300, 303))
 ]
+ROOT = Path(__file__).parents[3]
 FEWEST_POSITIONS = 35
 USUAL_POSITIONS = 80
 
@@ -77,6 +92,34 @@ def test_every_piece_of_the_table_can_be_read():
     for role in pieces().values():
         for piece in role:
             assert piece.load().meshes
+
+
+def area(triangles: np.ndarray) -> float:
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def test_what_comes_with_cfnav_is_made_of_the_package_again(tmp_path):
+    """The command writes what is in the repository, positions up to a processor's last bits."""
+    ShipOptions(tmp_path, tmp_path / "credits.md").run_command()
+    for made, kept in ((tmp_path / "NOTICE", SHIPPED.with_name("NOTICE")),
+                       (tmp_path / "credits.md", ROOT / "docs/credits.md")):  # fmt: skip
+        assert made.read_text() == kept.read_text()
+    with zipfile.ZipFile(tmp_path / SHIPPED.name) as made, zipfile.ZipFile(SHIPPED) as kept:
+        assert made.namelist() == kept.namelist()
+        assert made.read(PROPERTIES) == kept.read(PROPERTIES)
+    known = catalogue()
+    for piece in (piece for role in shipped_pieces().values() for piece in role):
+        entry = known[piece.entry.id]
+        was, now = load(entry, piece.goals), build(shipped()[entry.id], piece.goals)
+        assert area(now.triangles) == pytest.approx(area(was.triangles), rel=0.02), entry.id
+        low, high = (
+            np.abs(end(now.triangles, (0, 1)) - end(was.triangles, (0, 1))).max()
+            for end in (np.min, np.max)
+        )
+        assert max(low, high) < 1e-3, entry.id
+        distance, _ = cKDTree(was.triangles.reshape(-1, 3)).query(now.triangles.reshape(-1, 3))
+        assert distance.max() < 2 * max(entry.size) / STEPS, entry.id
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,15 @@ def test_a_robot_stands_in_a_room_of_models_and_sees_it():
         stage.close()
 
 
+def test_a_room_of_what_comes_with_cfnav_needs_no_furniture(monkeypatch, tmp_path):
+    monkeypatch.setenv("CFNAV_SWEET_HOME", str(tmp_path))
+    stage = SimulatorStage(MockParameters(room="cc0.kitchen:25", depth=False))
+    try:
+        assert stage.world.room.placed
+    finally:
+        stage.close()
+
+
 def test_without_the_furniture_the_mock_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setenv("CFNAV_SWEET_HOME", str(tmp_path))
     with pytest.raises(ValueError, match="apt install sweethome3d-furniture"):

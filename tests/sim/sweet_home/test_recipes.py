@@ -36,7 +36,8 @@ def roles(room: Room) -> list[str]:
 
 
 def empty(room_type: str = "living_room", held_out: bool = False, seed: int = 0) -> Kit:
-    return Kit(Surroundings(Builder(np.random.default_rng(seed), 5.0, 4.0), room_type), held_out)
+    around = Surroundings(Builder(np.random.default_rng(seed), 5.0, 4.0), room_type)
+    return Kit(around, pieces(), held_out)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -50,13 +50,16 @@ def _bed(kit: Kit) -> bool:
     b = kit.b
     bed = kit.pick("bed_double" if b.chance(0.65) else "bed_single", lambda p: p.kind != "bunk")
     if bed is None:
-        return False
-    width, depth, height = bed.entry.size
-    frame = against(b, width, depth, height, least=width + 0.8)
+        frame = fu.bed(b)
+        width, depth = (b.surfaces[-1].width, fu.BED_M) if frame else (0.0, 0.0)
+    else:
+        width, depth, height = bed.entry.size
+        frame = against(b, width, depth, height, least=width + 0.8)
     if frame is None:
         return False
-    kit.add(bed, frame)
-    b.occupy_wall(frame, width, 0, max(height, 1.0))
+    if bed is not None:
+        kit.add(bed, frame)
+        b.occupy_wall(frame, width, 0, max(height, 1.0))
     if b.chance(0.5):
         kit.hang("Painting", frame.at(0, -0.01))
     design, own = kit.pick("night_stand"), b.chance(0.5)
@@ -75,12 +78,12 @@ def _bed(kit: Kit) -> bool:
     if b.chance(0.12):
         bench = kit.pick("bench")
         kit.beside(bench, frame.at(0, depth + 0.05))
-    return not bed.goals
+    return bed is None or not bed.goals
 
 
 def _dresser(kit: Kit) -> None:
     b = kit.b
-    if b.chance(0.5):
+    if b.chance(0.5) and kit.choices("dresser"):
         found = kit.stand("dresser")
         frame = found[1] if found else None
     else:

@@ -41,7 +41,7 @@ def furnish(kit: Kit) -> None:
     """Furnish a kitchen."""
     b = kit.b
     style = str(b.rng.choice(["oak", "shaker", "own", "own"]))
-    row = _Row.drawn(kit, style)
+    row = _Row.drawn(kit, style if kit.choices("kitchen_base") else "own")
     first = _row(kit, row, sink=True, hob=True, at=None)
     if b.chance(0.45) and first is not None:
         _row(kit, row, sink=False, hob=False, at=first)

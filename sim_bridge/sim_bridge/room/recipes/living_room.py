@@ -70,13 +70,13 @@ def _around_sofa(kit: Kit, frame: Frame, sofa: Piece) -> None:
     width, depth, _ = sofa.entry.size
     table = kit.pick("low_table", lambda piece: piece.kind != "child")
     at = frame.at(0, min(depth, 1.05) + float(b.rng.uniform(0.3, 0.45)))
-    if depth < 1.3 and kit.beside(table, at) and table is not None:
-        middle = at.at(0, table.entry.size[1] / 2)
+    if depth < 1.3 and (size := _low_table(kit, table, at)):
+        middle = at.at(0, size[1] / 2)
         if b.chance(0.6):
             rug(kit, middle)
         chair = kit.pick("ArmChair")
         if chair is not None:
-            _chairs(kit, chair, middle, table)
+            _chairs(kit, chair, middle, size)
     for side in (-1, 1):
         end = kit.pick("side_table")
         if end is not None and b.chance(0.35):
@@ -84,10 +84,20 @@ def _around_sofa(kit: Kit, frame: Frame, sofa: Piece) -> None:
             kit.beside(end, frame.at(side * away, 0.02))
 
 
-def _chairs(kit: Kit, chair: Piece, middle: Frame, table: Piece) -> None:
+def _low_table(kit: Kit, table: Piece | None, at: Frame) -> tuple[float, float] | None:
+    """A low table at a place, or our own; its width and depth, metres, None where there is none."""
+    if table is not None:
+        return table.entry.size[:2] if kit.beside(table, at) else None
+    if fu.table(kit.b, "low_table", at=at) is None:
+        return None
+    top = kit.b.surfaces[-1]
+    return top.width, top.depth
+
+
+def _chairs(kit: Kit, chair: Piece, middle: Frame, table: tuple[float, float]) -> None:
     """One or two armchairs at the ends of the low table, or one across it."""
     b, seat = kit.b, chair.entry.size[1]
-    along, across, _ = table.entry.size
+    along, across = table
     ends = (math.pi / 2, along, 0.5), (-math.pi / 2, along, 0.5)
     for yaw, reach, p in (*ends, (0.0, across, 0.2)):
         if b.chance(p):

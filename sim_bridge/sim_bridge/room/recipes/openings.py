@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from sim_bridge.room import fixtures as fx
 from sim_bridge.room.kit import Kit
 from sim_bridge.room.parts import Frame, hsv
 from sim_bridge.room.shell import WALL_HEIGHT
@@ -22,6 +23,8 @@ BESIDE_M = 0.9
 """Wall beside a window, both sides together, for its curtains."""
 ROD_M = 0.1
 """From the wall to the rod of curtains."""
+OWN_DOOR = (0.95, 2.08)
+"""Width and height of our own, metres."""
 
 
 def door(kit: Kit) -> None:
@@ -31,14 +34,15 @@ def door(kit: Kit) -> None:
     piece = kit.pick(
         "door", lambda p: not (indoors and (p.kind == "entrance" or p.entry.size[0] > 1.1))
     )
-    if piece is None:
-        return
-    width, depth, height = piece.entry.size
+    width, height = OWN_DOOR if piece is None else piece.entry.size[::2]
     frame = b.wall_spot(width, 0.0, height)
     if frame is None:
         return
     b.take(frame.at(0, 0.001), width, SWING_M)
-    kit.add(piece, frame.at(0, LEAF_M - depth / 2 - leaf(piece)))
+    if piece is None:
+        fx.door(b, frame, width, height)
+    else:
+        kit.add(piece, frame.at(0, LEAF_M - piece.entry.size[1] / 2 - leaf(piece)))
     if b.chance(0.8):
         side = 1.0 if b.chance(0.5) else -1.0
         kit.hang("LightSwitch", frame.at(side * (width / 2 + 0.16), 0))
@@ -64,9 +68,10 @@ def window(kit: Kit) -> None:
         "window", lambda p: p.kind != "french" and not (bath and p.entry.size[2] > 1.5)
     )
     if piece is None:
-        return
-    width, depth, height = piece.entry.size
-    low = min(piece.entry.elevation or 0.9, WALL_HEIGHT - 0.1 - height)
+        width, height, low = (float(b.rng.uniform(*r)) for r in ((0.9, 1.5), (1.0, 1.3), (0.9, 1)))
+    else:
+        width, _, height = piece.entry.size
+        low = min(piece.entry.elevation or 0.9, WALL_HEIGHT - 0.1 - height)
     frame = b.wall_spot(width + BESIDE_M, low, WALL_HEIGHT)
     if frame is None:
         return
@@ -74,8 +79,12 @@ def window(kit: Kit) -> None:
     b.add(b.new("Window"), "box", frame, (0, 0.003, low + height / 2),
           (width / 2 - 0.03, 0.003, height / 2 - 0.03), (1, 1, 1), "outdoors", solid=False,
           emission=0.3 + 0.6 * kit.around.daylight)  # fmt: skip
-    out = min(LEAF_M + depth / 2 - leaf(piece), MOST_OUT_M)
-    kit.add(piece, frame.at(0, out - depth, low))
+    if piece is None:
+        fx.window_frame(b, frame, low, width, height)
+    else:
+        depth = piece.entry.size[1]
+        out = min(LEAF_M + depth / 2 - leaf(piece), MOST_OUT_M)
+        kit.add(piece, frame.at(0, out - depth, low))
     chance = {"bathroom": 0.1, "kitchen": 0.3}.get(kit.around.room_type, 0.7)
     if b.chance(0.45 if kit.around.room_type == "bedroom" else 0.25):
         _blinds(kit, frame, low, width, height)
