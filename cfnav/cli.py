@@ -55,6 +55,7 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "perception": Entry(
             "cfnav_core.perception.train:PerceptionOptions", "train the perception network"
         ),
+        "perceive": Entry("cfnav.perceive:Perceive", "name what pictures show, with boxes"),
         "train": Entry("cfnav.policies:Train", "train a policy"),
         "evaluate": Entry("cfnav.policies:Evaluate", "test a policy on episodes, or compare two"),
         "export": Entry("cfnav.policies:Export", "make a bundle for the robot of a checkpoint"),
