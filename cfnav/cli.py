@@ -27,6 +27,9 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "rooms overhangs": Entry(
             "sim_bridge.data.overhangs:OverhangOptions", "count collisions that no LiDAR foresees"
         ),
+        "rooms goals": Entry(
+            "sim_bridge.data.goals:GoalOptions", "count the goals that rooms offer to a camera"
+        ),
         "rooms show": Entry("sim_bridge.data.room_sheet:ShowOptions", "draw rooms, to look at"),
         "rooms models": Entry(
             "sim_bridge.data.model_sheet:ModelOptions", "draw furniture models, to look at"
