@@ -158,20 +158,3 @@ CAMERAS: Mapping[str, CameraSetUp] = MappingProxyType({
 })  # fmt: skip
 """The mast, the TurtleBot 4 as it is sold, by its small square picture and by its whole one, and
 the Lite by its whole one."""
-
-ROBOT_OF: Mapping[str, str] = MappingProxyType({
-    "mast": "turtlebot4_mast", "stock_preview": "turtlebot4", "stock_wide": "turtlebot4",
-    "lite": "turtlebot4_lite",
-})  # fmt: skip
-"""The robot that has each of them, of ``cfnav_core.robot.robots``."""
-
-
-def robot_of(camera: str) -> str:
-    """The robot that has a camera: of a JSON file the TurtleBot 4 that tilts its camera or not.
-
-    Raises:
-        ValueError: there is no such camera.
-    """
-    if camera in ROBOT_OF:
-        return ROBOT_OF[camera]
-    return ROBOT_OF["mast" if CameraSetUp.read(camera).tilts else "stock_wide"]

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cfnav_core.robot.robot import load_robot
-from cfnav_core.task.camera import CAMERAS, MAST, CameraSetUp, robot_of
+from cfnav_core.task.camera import CAMERAS, MAST, CameraSetUp
 
 WIDE = CameraSetUp(0.1, 0.3, (80.0, 50.5), (640, 360), (0.1, -0.2, -0.6))
 
@@ -68,12 +67,3 @@ def test_cameras_differ_by_view_and_shape_and_not_by_pixels() -> None:
 def test_it_says_itself_in_words() -> None:
     assert str(MAST) == "90 x 90 degrees, 300 x 300 pixels, 1.3 m up, tilts to 0 and -30 degrees"
     assert "does not tilt" in str(CAMERAS["stock_preview"])
-
-
-def test_each_camera_has_a_robot_that_tilts_as_it_does(tmp_path: Path) -> None:
-    for name, camera in CAMERAS.items():
-        assert load_robot(robot_of(name)).tilts is camera.tilts
-    (tmp_path / "wide.json").write_text(json.dumps(WIDE.to_json()))
-    assert load_robot(robot_of(str(tmp_path / "wide.json"))).tilts
-    with pytest.raises(ValueError, match="found camera 'periscope', expected mast"):
-        robot_of("periscope")
