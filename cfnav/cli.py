@@ -27,6 +27,9 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "rooms overhangs": Entry(
             "sim_bridge.data.overhangs:OverhangOptions", "count collisions that no LiDAR foresees"
         ),
+        "rooms goals": Entry(
+            "sim_bridge.data.goals:GoalOptions", "count the goals that rooms offer to a camera"
+        ),
         "rooms show": Entry("sim_bridge.data.room_sheet:ShowOptions", "draw rooms, to look at"),
         "rooms models": Entry(
             "sim_bridge.data.model_sheet:ModelOptions", "draw furniture models, to look at"
@@ -55,6 +58,7 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "perception": Entry(
             "cfnav_core.perception.train:PerceptionOptions", "train the perception network"
         ),
+        "perceive": Entry("cfnav.perceive:Perceive", "name what pictures show, with boxes"),
         "train": Entry("cfnav.policies:Train", "train a policy"),
         "evaluate": Entry("cfnav.policies:Evaluate", "test a policy on episodes, or compare two"),
         "export": Entry("cfnav.policies:Export", "make a bundle for the robot of a checkpoint"),

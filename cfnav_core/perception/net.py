@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from cfnav_core.perception.augment import Labelled
 from cfnav_core.perception.describe import describe
-from cfnav_core.perception.perception import FEATURES
+from cfnav_core.perception.perception import FEATURES, MAPS
 from cfnav_core.perception.sight import FROM_MAST, Sight
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.detections import SCORES
@@ -107,16 +107,17 @@ def perception_loss(
 
 
 class ExportedPerception(nn.Module):
-    """The network as it is deployed: uint8 pictures in, features and detections out."""
+    """The network as it is deployed: uint8 pictures in; features, detections and maps out."""
 
     def __init__(self, net: PerceptionNet) -> None:
         super().__init__()
         self.net = net
 
-    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
-        """uint8 [N, *P, 3] -> float32 [N, 256], float32 [N, C, 5] (``SCORES``)."""
+    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """uint8 [N, *P, 3] -> float32 [N, 256], [N, C, 5] (``SCORES``), [N, C, *Q] (0..1)."""
         shown, near, features, _ = self.net(pictures.permute(0, 3, 1, 2).float() / 255)
-        p = torch.sigmoid(shown).flatten(2)
+        maps = torch.sigmoid(shown)
+        p = maps.flatten(2)
         score, cell = p.max(2)
         rows, columns = self.net.sight.heat
         x = (cell % columns).float() * (2 / (columns - 1)) - 1
@@ -124,7 +125,7 @@ class ExportedPerception(nn.Module):
         size = p.sum(2).sqrt() / math.sqrt(rows * columns)
         visible = torch.sigmoid(near).flatten(2).amax(2)
         fields = torch.stack([score, x * score, y * score, size, visible], 2)
-        return features, fields.reshape(-1, self.net.objects, 5)
+        return features, fields.reshape(-1, self.net.objects, 5), maps
 
 
 def export_perception(
@@ -143,7 +144,7 @@ def export_perception(
     example = torch.zeros(2, *net.sight.picture, 3, dtype=torch.uint8)
     torch.onnx.export(
         ExportedPerception(net).eval(), (example,), str(path), dynamo=False, opset_version=17,
-        input_names=["pictures"], output_names=["features", "detections"],
-        dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections")},
+        input_names=["pictures"], output_names=["features", "detections", MAPS],
+        dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections", MAPS)},
     )  # fmt: skip
     describe(path, objects, SCORES, camera)

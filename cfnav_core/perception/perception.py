@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 from PIL import Image
 
+from cfnav_core.perception.boxes import LEAST, Detection, decode, grid
 from cfnav_core.perception.onnx_session import open_session
 from cfnav_core.perception.sight import Sight
 from cfnav_core.task.camera import ASPECT_TOLERANCE, MAST, CameraSetUp
@@ -26,6 +27,9 @@ from cfnav_core.task.vocabulary import CATEGORIES, FIRST_CATEGORIES
 
 FEATURES = 256
 """Numbers that the built-in network makes of a picture, besides its detections."""
+
+MAPS = "shown"
+"""Output of a network that tells where in the picture each object is shown."""
 
 METADATA = "cfnav"
 """Key under which an ONNX file says what it perceives, as JSON; see ``describe``."""
@@ -133,7 +137,8 @@ class OnnxPerception:
     """A perception network in an ONNX file.
 
     It takes ``pictures`` uint8 [n, H, W, 3], and gives ``features`` float32 [n, *F] and, if it
-    detects anything, ``detections`` float32 [n, C, D]. What C and D mean it says itself.
+    detects anything, ``detections`` float32 [n, C, D]. What C and D mean it says itself. One that
+    also gives ``shown`` float32 [n, C, *Q], probabilities in cells of the picture, has boxes.
 
     Args:
         path: ``perception.onnx``.
@@ -154,6 +159,7 @@ class OnnxPerception:
             ) from error
         self.identity = hashlib.sha256(content).hexdigest()[:16]
         """First 16 hex digits of the file's SHA-256; scenes and bundles carry it."""
+        self._path = path
         self.gives = self._said(path)
         self._detects = bool(self.gives.objects)
 
@@ -204,6 +210,48 @@ class OnnxPerception:
     def observe(self, rgb: np.ndarray) -> Perceived:
         """See ``Perception``."""
         return self(self.gives.preprocess(rgb)[None])
+
+    def boxes(self, rgb: np.ndarray, least: float = LEAST) -> list[Detection]:
+        """Named detections with boxes in pixels of a picture, best first.
+
+        Args:
+            rgb: uint8 [H, W, 3] of any size that fits.
+            least: score.
+
+        Raises:
+            PerceptionError: the picture does not fit, or the network gives no boxes.
+        """
+        height, width = rgb.shape[:2]
+        shown = self.maps(rgb)
+        return decode(shown, self.gives.objects, self.gives.size, (width, height), least)
+
+    def maps(self, rgb: np.ndarray) -> np.ndarray:
+        """Where in a picture each object is shown: float32 [C, *Q], 0..1, see ``boxes.decode``.
+
+        Args:
+            rgb: uint8 [H, W, 3] of any size that fits.
+
+        Raises:
+            PerceptionError: the picture does not fit, or the network gives no boxes.
+        """
+        if self.no_boxes:
+            raise PerceptionError(self.no_boxes)
+        pictures = self.gives.preprocess(rgb)[None]
+        (shown,) = self._session.run([MAPS], {"pictures": pictures})
+        return np.asarray(shown[0])
+
+    @property
+    def no_boxes(self) -> str:
+        """Why it gives no boxes, one sentence; "" when it does."""
+        shapes = {o.name: tuple(o.shape[1:]) for o in self._session.get_outputs()}
+        expected = len(self.gives.objects), *grid(*self.gives.size)
+        if shapes.get(MAPS) == expected:
+            return ""
+        found = f"the output {MAPS} {list(shapes[MAPS])}" if MAPS in shapes else f"no output {MAPS}"
+        return (
+            f"found {found} in {self._path}, expected {list(expected)}: this perception does not "
+            "tell where things are, so it gives no boxes; cfnav perception makes one that does"
+        )
 
 
 def _before_metadata(table: Sequence[int]) -> dict[str, Any]:

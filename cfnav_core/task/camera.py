@@ -152,8 +152,9 @@ CAMERAS: Mapping[str, CameraSetUp] = MappingProxyType({
     # the whole colour picture of 16:9, 66 degrees across (Luxonis, OAK-D Pro, RGB), which is
     # published in 1280x720 and averaged by whoever looks at it
     "stock_wide": CameraSetUp(-0.06, 0.244, (66.0, 40.1), (448, 252), (0.0,)),
+    # OAK-D Lite on the Lite's bracket (turtlebot4_description, lite). 16:9 is read from 3840x2160
+    # of the sensor's 4208x3120 pixels, which see 69 degrees across (Luxonis, IMX214, PY047)
+    "lite": CameraSetUp(-0.037, 0.186, (64.2, 38.9), (448, 252), (0.0,)),
 })  # fmt: skip
-"""The mast, and the TurtleBot 4 as it is sold: its small square picture and its whole one."""
-
-STOCK = frozenset({"stock_preview", "stock_wide"})
-"""Those of a TurtleBot 4 as it is sold, which do not tilt."""
+"""The mast, the TurtleBot 4 as it is sold, by its small square picture and by its whole one, and
+the Lite by its whole one."""

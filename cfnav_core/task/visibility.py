@@ -1,4 +1,7 @@
-"""When a goal counts as visible: one rule for data set, mock robot and reports."""
+"""When a goal counts as visible, and which goals a room offers: one rule for all cameras.
+
+Data set, mock robot and reports share it.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,9 @@ VISIBLE_DISTANCE_M = 1.5
 
 VISIBLE_PIXELS = 40
 """Fewest pixels of the object in a 300x300 picture; scaled with the picture's area elsewhere."""
+
+MIN_GOAL_STATES = 4
+"""A goal that is visible in fewer states of a room is not asked for there; ours."""
 
 
 def visible(

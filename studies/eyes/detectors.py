@@ -9,16 +9,15 @@ surely each of cfnav's categories is shown; those that COCO does not know have n
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from onnxruntime import InferenceSession
 from PIL import Image
 
+from cfnav_core.perception.boxes import Box, Detection
 from cfnav_core.perception.onnx_session import open_session
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.pictures import Box
 
 COCO = (
     "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat",
@@ -53,21 +52,6 @@ OVERLAP = 0.5
 """Intersection through union above which the weaker of two boxes of a class is dropped."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """One detection.
-
-    Attributes:
-        name: COCO's name of its class.
-        score: 0..1.
-        box: in pixels of the picture.
-    """
-
-    name: str
-    score: float
-    box: Box
-
-
 Run = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From a picture uint8 [H, W, 3] to boxes float [n, 4] in 0..1 and scores float [n, 80]."""
 
@@ -94,8 +78,8 @@ class Detector:
         self.name = path.stem
         self._run = DECODERS[given](session)
 
-    def __call__(self, rgb: np.ndarray, least: float = LEAST) -> list[Found]:
-        """Detections above a score, best first.
+    def __call__(self, rgb: np.ndarray, least: float = LEAST) -> list[Detection]:
+        """Detections above a score by COCO's names, best first.
 
         Args:
             rgb: uint8 [H, W, 3].
@@ -104,7 +88,7 @@ class Detector:
         boxes, scores = self._run(rgb)
         boxes = boxes.clip(0, 1) * np.tile(rgb.shape[1::-1], 2)
         found = [
-            Found(COCO[c], float(scores[k, c]), _box(boxes[k]))
+            Detection(COCO[c], float(scores[k, c]), _box(boxes[k]))
             for c in np.flatnonzero(scores.max(0) > least)
             for k in kept(boxes, scores[:, c], least)
         ]

@@ -1,4 +1,7 @@
-"""A page of pictures with what was found in each: hits green, misses orange, false alarms red."""
+"""A page of pictures with what was found in each: hits green, misses orange, false alarms red.
+
+Where a network has boxes, those of what is shown are blue beside the hand-drawn ones.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from studies.eyes.pictures import Box
+from cfnav_core.perception.boxes import Box
+from cfnav_core.perception.pictures import Colour, draw_box
 
 TILE = 240
 """Side of a picture on the page, pixels."""
@@ -16,15 +20,14 @@ TILE = 240
 LINE, LINES = 15, 7
 """Height of a line of text, and how many of them a picture has below it."""
 
-GREEN, ORANGE, RED, BLACK = (0, 140, 0), (0, 120, 255), (0, 0, 220), (0, 0, 0)
-"""Blue, green, red."""
+GREEN, ORANGE, RED, BLUE, BLACK = (0, 140, 0), (255, 120, 0), (220, 0, 0), (0, 90, 255), (0, 0, 0)
 
-Words = Sequence[tuple[str, tuple[int, int, int]]]
+Words = Sequence[tuple[str, Colour]]
 
 
 def words(
     names: Sequence[str], scores: np.ndarray, labels: np.ndarray, threshold: float
-) -> list[tuple[str, tuple[int, int, int]]]:
+) -> list[tuple[str, Colour]]:
     """What to write below a picture: what is shown, found or not, then what is not and was found.
 
     Args:
@@ -43,15 +46,16 @@ def words(
     return out + [(f"{names[c]} {scores[c]:.2f}", RED) for c in wrong]
 
 
-def tile(rgb: np.ndarray, boxes: Sequence[Box], title: str, below: Words) -> np.ndarray:
-    """One picture with the boxes of what is shown and words below, uint8 [H, TILE, 3], BGR."""
+def tile(
+    rgb: np.ndarray, boxes: Sequence[tuple[Box, Colour]], title: str, below: Words
+) -> np.ndarray:
+    """One picture with boxes and words below, uint8 [H, TILE, 3]."""
     scale = TILE / max(rgb.shape[:2])
     size = (round(rgb.shape[1] * scale), round(rgb.shape[0] * scale))
     page = np.full((TILE + (LINES + 1) * LINE, TILE, 3), 255, np.uint8)
-    small = cv2.resize(rgb[..., ::-1], size, interpolation=cv2.INTER_AREA)
-    for x0, y0, x1, y1 in boxes:
-        low, high = (round(x0 * scale), round(y0 * scale)), (round(x1 * scale), round(y1 * scale))
-        cv2.rectangle(small, low, high, GREEN, 1)
+    small = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA))
+    for (x0, y0, x1, y1), colour in boxes:
+        draw_box(small, (x0 * scale, y0 * scale, x1 * scale, y1 * scale), colour)
     page[: size[1], : size[0]] = small
     for row, (text, colour) in enumerate([(title, BLACK), *below[:LINES]]):
         at = (2, TILE + row * LINE + 11)
@@ -69,7 +73,8 @@ def draw(tiles: Sequence[np.ndarray], path: Path, across: int = 6, quality: int 
     filled = [*tiles, *[blank] * (-len(tiles) % across)]
     rows = [np.hstack(filled[k : k + across]) for k in range(0, len(filled), across)]
     path.parent.mkdir(parents=True, exist_ok=True)
-    done, content = cv2.imencode(path.suffix, np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    page = np.vstack(rows)[..., ::-1]
+    done, content = cv2.imencode(path.suffix, page, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise OSError(f"found no way to write a picture as {path.suffix}; name a .jpg or .png")
     path.write_bytes(content.tobytes())

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from PIL import Image
 
+from cfnav_core.perception.boxes import Box
+from cfnav_core.perception.pictures import window
 from cfnav_core.task.vocabulary import CATEGORIES
 
 TABLE = Path(__file__).with_name("real_pictures.yaml")
@@ -22,9 +23,6 @@ COUNTED = 0.4
 unclear, and with less than ``LOST`` it is not shown."""
 
 LOST = 0.05
-
-Box = tuple[float, float, float, float]
-"""Left, top, right, bottom in pixels."""
 
 
 @dataclass(frozen=True)
@@ -133,26 +131,6 @@ def _picture(row: dict, packages: Mapping[str, Package]) -> Picture:
             f"expected one of {', '.join(KINDS)} and of {', '.join(packages)}"
         )
     return picture
-
-
-def read_rgb(path: Path) -> np.ndarray:
-    """A picture file as uint8 [H, W, 3]; what is transparent becomes white.
-
-    Raises:
-        OSError: missing or damaged.
-    """
-    with Image.open(path) as image:
-        if image.mode in {"RGBA", "LA", "P"}:
-            white = Image.new("RGBA", image.size, "white")
-            return np.asarray(Image.alpha_composite(white, image.convert("RGBA")).convert("RGB"))
-        return np.asarray(image.convert("RGB"))
-
-
-def window(width: int, height: int, aspect: float) -> tuple[int, int, int, int]:
-    """The largest centred cut of an aspect (width through height): left, top, right, bottom."""
-    wide, high = min(width, round(height * aspect)), min(height, round(width / aspect))
-    left, top = (width - wide) // 2, (height - high) // 2
-    return left, top, left + wide, top + high
 
 
 def crop(picture: Picture, rgb: np.ndarray, aspect: float) -> Crop:

@@ -16,22 +16,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_file import write_json
-from cfnav_core.files.provenance import commit, sha256
+from cfnav_core.files.provenance import commit
 from cfnav_core.files.whole import write_file
-from cfnav_core.perception.perception import OnnxPerception
-from cfnav_core.policy.bundle import shipped_perception
-from cfnav_core.task.detections import confidence_column
+from cfnav_core.perception.boxes import LEAST, Box
+from cfnav_core.perception.pictures import Colour, read_rgb
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.engine.pages import table
-from studies.eyes.detectors import CATEGORY_OF, Detector
-from studies.eyes.draw import draw, tile, words
+from studies.eyes.detectors import CATEGORY_OF
+from studies.eyes.draw import BLUE, GREEN, ORANGE, RED, draw, tile, words
 from studies.eyes.fetch import CACHE, picture_path
 from studies.eyes.judge import ENOUGH, Judgement, difference, judge
-from studies.eyes.pictures import TABLE, Crop, Picture, crop, load_pictures, read_rgb
+from studies.eyes.networks import Boxes, Network, networks
+from studies.eyes.pictures import TABLE, Crop, Picture, crop, load_pictures
 
 EVEN = 0.5
 """Recall at which the false alarms of networks are compared."""
@@ -59,75 +58,6 @@ class RealOptions:
     """Folder of the results."""
     pictures: Path = TABLE
     """Table of the pictures."""
-
-
-Scores = Callable[[np.ndarray], np.ndarray]
-"""From uint8 [H, W, 3] to how surely each category is shown, float [C], NaN where unknown."""
-
-
-def perception_scores(network: OnnxPerception) -> Scores:
-    """How surely a perception sees each of ``CATEGORIES``."""
-    gives = network.gives
-    column = confidence_column(gives.fields)
-    high, wide = gives.size
-
-    def scores(rgb: np.ndarray) -> np.ndarray:
-        if rgb.shape[0] < high or rgb.shape[1] < wide:
-            large = Image.fromarray(rgb).resize((wide, high), Image.Resampling.BILINEAR)
-            rgb = np.asarray(large)
-        table = network.observe(rgb).detections[0]
-        out = np.full(len(CATEGORIES), np.nan)
-        for row, name in zip(table, gives.objects, strict=True):
-            if name in CATEGORIES:
-                out[CATEGORIES.index(name)] = row[column]
-        return out
-
-    return scores
-
-
-@dataclass(frozen=True)
-class Network:
-    """Something to judge.
-
-    Attributes:
-        name: for tables and files.
-        sha256: of its file.
-        scores: of a picture.
-    """
-
-    name: str
-    sha256: str
-    scores: Scores
-
-
-def networks(options: RealOptions) -> tuple[list[Network], float]:
-    """What is to be judged, and the aspect that pictures are cut to.
-
-    Raises:
-        ValueError: a file cannot be used, or perceptions of several aspects.
-    """
-    found, aspects = [], set()
-    for path in options.perception or (shipped_perception(),):
-        perception = OnnxPerception(path)
-        if not perception.gives.objects:
-            raise ValueError(f"found a perception that detects nothing at {path}, expected objects")
-        aspects.add(perception.gives.size[1] / perception.gives.size[0])
-        alike = sum(path.stem == other.stem for other in options.perception) > 1
-        name = f"{path.parent.name}/{path.stem}" if alike else path.stem
-        name = name if options.perception else "shipped perception"
-        found.append(Network(name, sha256(path), perception_scores(perception)))
-    if len(aspects) > 1:
-        raise ValueError(
-            f"found perceptions of the aspects {sorted(aspects)}, expected one; judge each shape "
-            "in a run of its own"
-        )
-    for path in options.detector:
-        detector = Detector(path)
-        found.append(Network(detector.name, sha256(path), detector.scores))
-    names = [network.name for network in found]
-    if len({*names}) < len(names):
-        raise ValueError(f"found networks named {', '.join(names)}, expected names of their own")
-    return found, aspects.pop()
 
 
 def cut_pictures(options: RealOptions, aspect: float) -> tuple[list[Picture], list[Crop]]:
@@ -212,7 +142,7 @@ def run(options: RealOptions, command: str) -> str:
     Raises:
         ValueError: networks or pictures cannot be used.
     """
-    asked, aspect = networks(options)
+    asked, aspect = networks(options.perception, options.detector)
     pictures, crops = cut_pictures(options, aspect)
     seen = Seen(
         pictures, crops, np.stack([cut.labels for cut in crops]),
@@ -235,7 +165,8 @@ def run(options: RealOptions, command: str) -> str:
         "command": command, "commit": commit(), "rows": rows, "gains": gains,
         "networks": {n.name: n.sha256 for n in asked}, "scores": _scores_by_picture(seen),
     }))  # fmt: skip
-    _draw(seen, options.out)
+    for network in asked:
+        _draw(seen, network, options.out)
     return page
 
 
@@ -300,15 +231,29 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and np.isnan(value) else value
 
 
-def _draw(seen: Seen, out: Path) -> None:
-    """A page of pictures for each network."""
-    for name, s in seen.scores.items():
-        tiles = [
-            tile(cut.rgb, [box for boxes in cut.boxes.values() for box in boxes], picture.name,
-                 words(CATEGORIES, s[k], cut.labels, 0.5))
-            for k, (picture, cut) in enumerate(zip(seen.pictures, seen.crops, strict=True))
-        ]  # fmt: skip
-        draw(tiles, out / f"{name.replace(' ', '_').replace('/', '_')}.jpg")
+def _draw(seen: Seen, network: Network, out: Path) -> None:
+    """A page of all pictures for a network."""
+    scores = seen.scores[network.name]
+    tiles = [
+        tile(cut.rgb, _boxes(cut, scores[k], network.boxes), picture.name,
+             words(CATEGORIES, scores[k], cut.labels, LEAST))
+        for k, (picture, cut) in enumerate(zip(seen.pictures, seen.crops, strict=True))
+    ]  # fmt: skip
+    draw(tiles, out / f"{network.name.replace(' ', '_').replace('/', '_')}.jpg")
+
+
+def _boxes(cut: Crop, scores: np.ndarray, boxes: Boxes | None) -> list[tuple[Box, Colour]]:
+    """Boxes with their colours: drawn by hand, and of the network."""
+    label = dict(zip(CATEGORIES, cut.labels, strict=True))
+    by_hand = [
+        (box, GREEN if scores[CATEGORIES.index(name)] >= LEAST else ORANGE)
+        for name, drawn in cut.boxes.items()
+        for box in drawn
+    ]
+    found = boxes(cut.rgb) if boxes else []
+    return by_hand + [
+        (one.box, BLUE if label[one.name] == 1 else RED) for one in found if label[one.name] != -1
+    ]
 
 
 def main(options: RealOptions) -> None:

@@ -20,11 +20,13 @@ import numpy as np
 from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_file import write_json
 from cfnav_core.files.provenance import commit, sha256
-from cfnav_core.task.rooms import parse_rooms
-from studies.eyes.detectors import CATEGORY_OF, Detector, Found, overlap
+from cfnav_core.perception.boxes import Box, Detection
+from cfnav_core.perception.pictures import read_rgb
+from studies.eyes.detectors import CATEGORY_OF, Detector, overlap
 from studies.eyes.fetch import CACHE, picture_path
 from studies.eyes.judge import interval
-from studies.eyes.pictures import TABLE, Box, crop, load_pictures, read_rgb
+from studies.eyes.pictures import TABLE, crop, load_pictures
+from studies.eyes.rooms import boxes_of, views_of_rooms
 
 LEAST_SHARE = 0.004
 """Of the picture that a thing must fill to count."""
@@ -81,27 +83,16 @@ class View:
     things: tuple[tuple[str, Box], ...]
 
 
-def views_of_rooms(options: RealismOptions) -> Iterator[View]:
+def rendered(options: RealismOptions) -> Iterator[View]:
     """Random views of rooms from the mast.
 
     Raises:
         ValueError: rooms that do not exist here.
     """
-    from sim_bridge.room.room import generate_room
-    from sim_bridge.world.camera import Camera
-    from sim_bridge.world.grid import state_grid
-    from sim_bridge.world.world import World
-
     before = "" if options.furniture == "built_in" else f"{options.furniture}."
-    for kind, seed in parse_rooms([before + text for text in options.rooms]):
-        world = World(generate_room(kind, seed))
-        names = [thing.name for thing in world.room.objects]
-        with Camera(world) as camera:
-            grid = state_grid(world, camera.set_up.horizons)
-            rng = np.random.default_rng(seed)
-            for state in rng.choice(len(grid.next_state), options.views, replace=False):
-                picture = camera.picture(grid.pose(int(state)))
-                yield View(f"{kind}:{seed}", picture.rgb, things_of(picture.owner, names))
+    rooms = [before + text for text in options.rooms]
+    for room, picture, names in views_of_rooms(rooms, options.views):
+        yield View(room, picture.rgb, things_of(picture.owner, names))
 
 
 def things_of(owner: np.ndarray, names: list[str]) -> tuple[tuple[str, Box], ...]:
@@ -111,14 +102,10 @@ def things_of(owner: np.ndarray, names: list[str]) -> tuple[tuple[str, Box], ...
         owner: int [H, W], index into ``names`` of what is seen there, -1 for none.
         names: of things.
     """
-    found: list[tuple[str, Box]] = []
-    for k, name in enumerate(names):
-        rows, columns = np.nonzero(owner == k)
-        if name in CLASSES and len(rows) >= LEAST_SHARE * owner.size:
-            ends = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-            left, top, right, bottom = map(float, ends)
-            found.append((name, (left, top, right, bottom)))
-    return tuple(found)
+    return tuple(
+        (name, box) for name, box, pixels in boxes_of(owner, names)
+        if name in CLASSES and pixels >= LEAST_SHARE * owner.size
+    )  # fmt: skip
 
 
 def views_of_pictures(cache: Path) -> Iterator[View]:
@@ -135,7 +122,7 @@ def views_of_pictures(cache: Path) -> Iterator[View]:
             ))  # fmt: skip
 
 
-def is_found(name: str, box: Box, found: list[Found]) -> bool:
+def is_found(name: str, box: Box, found: list[Detection]) -> bool:
     """Whether a detection of a thing's class overlaps it."""
     boxes = [np.array(one.box) for one in found if one.name in CLASSES[name]]
     return bool(boxes) and bool(overlap(np.array(box), np.stack(boxes)).max() >= OVERLAP)
@@ -206,7 +193,7 @@ def main(options: RealismOptions) -> None:
     """
     detector = Detector(options.detector)
     real = options.furniture == "real"
-    views = views_of_pictures(options.cache) if real else views_of_rooms(options)
+    views = views_of_pictures(options.cache) if real else rendered(options)
     counts = count(views, detector)
     recall, ends = counts.recall()
     by_class = counts.by_class()

@@ -67,7 +67,14 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     # another run renders nothing
     capsys.readouterr()
     run(options)
-    assert "1 were there already" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "1 were there already" in said
+    # goals that this camera hardly sees are left out, and it says so
+    often = {name for name, n in zip(scene.objects, scene.visible.sum(0), strict=True) if n >= 4}
+    assert set(scene.goals) == often
+    assert "Mirror" not in often
+    assert f"{len(often)} of {len(world.room.goals)} goals of 1 rooms are asked for" in said
+    assert "  Mirror is left out in 1 of 1: never seen in 1" in said
     # a room that was damaged since is made again
     (tmp_path / "bathroom_00000/collided.npy").write_bytes(b"")
     run(options)

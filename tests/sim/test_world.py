@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from sim_bridge.room.room import generate_room
 from sim_bridge.world.camera import Camera
-from sim_bridge.world.grid import DIRECTIONS, goal_states, start_episode, state_grid
+from sim_bridge.world.grid import DIRECTIONS, goal_states, sightings, start_episode, state_grid
 from sim_bridge.world.world import HULL_RADIUS, LARGEST_PICTURE, LIDAR_X, Pose, World
 
 from cfnav_core.scenes.scene import HEADINGS, HORIZONS
 from cfnav_core.task.actions import STEP_M, Action
 from cfnav_core.task.camera import CAMERAS, MAST
+from cfnav_core.task.visibility import MIN_GOAL_STATES
 from cfnav_core.task.vocabulary import DATA2_TARGETS, ROOM_TYPES
 
 
@@ -191,6 +192,26 @@ def test_start_is_far_enough_and_repeats(world, camera):
     assert not camera.goal_visible("Apple", Pose(a.x, a.y, a.yaw))
     with pytest.raises(ValueError, match=r"it has .*Toaster"):
         start_episode(world, camera, "Unicorn", 7)
+
+
+@pytest.mark.parametrize("name", ["mast", "lite"])
+def test_sightings_count_as_looking_from_every_state_does(name):
+    world = World(generate_room("bathroom", 0))
+    with Camera(world, CAMERAS[name]) as camera:
+        grid = state_grid(world, camera.set_up.horizons)
+        found = sightings(world, camera, grid)
+        assert set(found) == set(world.room.goals)
+        for goal, states in found.items():
+            assert states == min(MIN_GOAL_STATES, goal_states(world, camera, grid, goal).sum())
+    assert (0 in found.values()) is (name == "lite")
+
+
+def test_an_episode_does_not_begin_for_a_goal_that_its_camera_hardly_sees():
+    world = World(generate_room("bathroom", 0))
+    with Camera(world, CAMERAS["lite"]) as camera:
+        words = r"Mirror is seen within 1.5 m from 0 states by this camera .64 x 39 .*, expected 4"
+        with pytest.raises(ValueError, match=words):
+            start_episode(world, camera, "Mirror", 7)
 
 
 def test_occupancy_marks_walls_and_leaves_the_robot_room(world, grid):

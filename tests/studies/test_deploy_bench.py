@@ -25,6 +25,7 @@ from sim_bridge.world.world import World  # noqa: E402
 from cfnav_core.policy.bundle import BundleHead  # noqa: E402
 from cfnav_core.robot.robot import load_robot  # noqa: E402
 from cfnav_core.task.actions import Action  # noqa: E402
+from cfnav_core.task.camera import CAMERAS  # noqa: E402
 from studies.deploy import (  # noqa: E402
     bench,
     fault_matrix,
@@ -246,11 +247,16 @@ def test_parts_that_were_measured_before_stay_on_the_page():
 
 
 def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
-    for camera, tilts in (("mast", True), ("stock_preview", False)):
+    own = tmp_path / "own.json"
+    own.write_text(json.dumps(CAMERAS["lite"].to_json()))
+    for camera, tilts in (
+        ("mast", True), ("stock_preview", False), ("lite", False), (str(own), False)
+    ):  # fmt: skip
         parts = GraphConfig("kitchen:1", tmp_path, camera=camera).parts
         of = {part.executable: part.parameters for part in parts}
         assert of["mock_turtlebot4"]["camera"] == camera
         assert load_robot(of["policy_node"]["robot"]).tilts is tilts
+        assert of["policy_node"].get("other_camera", False) is not tilts
 
 
 def test_only_cells_of_depth_are_measured_on_a_robot_that_has_it(tmp_path, monkeypatch):

@@ -11,13 +11,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
 from cfnav_core.command import DONE, PARTLY, command_line, run_options
 from cfnav_core.files.provenance import commit
 from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.limits import step_limit
 from cfnav_core.task.rooms import parse_room, type_of
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, evaluate
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 
 ROOMS = "kitchen:25,living_room:22,bedroom:23,bathroom:24"
 """Rooms of the demo: test rooms, which training never sees (it uses the seeds 0 to 19)."""
+
+ALL_REFUSED = 2000
+"""Trials in a row of goals that were refused before: more than there are goals in all rooms."""
 
 _SIGNS = {(True, True): "✓ reached, nothing touched", (True, False): "✓ reached, but touched"}
 
@@ -61,8 +65,9 @@ class DemoConfig:
     """Most decisions of an episode; 0: 100, and 200 in living rooms."""
     veto: bool = True
     """The LiDAR may forbid a MoveAhead."""
-    camera: Literal["mast", "stock_wide", "stock_preview"] = "mast"
-    """Camera of the robot: on a mast that tilts, or as sold, which does not."""
+    camera: str = "mast"
+    """Camera of the robot: mast, which tilts, stock_preview, stock_wide or lite, as sold, which do
+    not, or a JSON file like a scene's camera."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
     report: bool = True
@@ -79,13 +84,17 @@ class DemoConfig:
 
 
 def known_goals(config: DemoConfig) -> tuple[str, ...]:
-    """Return the goals that the bundle was trained to find.
+    """Return the goals that the bundle was trained to find; say when its camera was another.
 
     Raises:
         BundleError: the bundle cannot be used.
         GraphError: a goal asked for is none of them.
+        ValueError: there is no such camera.
     """
     head = BundleHead.load(find_bundle(config.bundle))
+    camera = CameraSetUp.read(config.camera)
+    if head.camera and str(head.camera) != str(camera):
+        print(f"bundle {head.name} learnt from a camera of {head.camera}; the robot's is {camera}")
     if unknown := set(parse_list(config.goals)) - set(head.goals):
         raise GraphError(
             f"bundle {head.name} was not trained to find {', '.join(sorted(unknown))}; "
@@ -133,24 +142,35 @@ def run_trials(
         skip: tells which trials need not be run again; they count.
 
     Raises:
-        GraphError: something did not run; also a chosen goal without a start far enough away.
+        GraphError: something did not run, or no goal can be sought: the camera sees it from too
+            few places, or no start is far enough away.
     """
     trials, left = plan(graph, config, known)
     print(f"{left} episodes, ROS domain {graph.domain}, logs in {graph.config.logs}", flush=True)
-    refused = 0
+    # chosen goals are sought once in each room that has them, unless a number was asked for
+    once = bool(config.goals) and not config.episodes
+    refused: dict[tuple[str, str], str] = {}
+    ran = idle = 0
     while left:
         trial = next(trials)
-        if skip(trial):
-            left -= 1
+        pair = trial.room, trial.goal
+        idle += 1
+        if pair in refused:
+            if idle > ALL_REFUSED:
+                raise GraphError(f"no goal can be sought; the last: {refused[pair]}")
             continue
-        start = graph.start_episode(trial.room, trial.goal, trial.seed)
-        if not start.ok:
-            refused += 1
-            if config.goals or refused > 100:
-                raise GraphError(start.message)
-            continue
-        done(trial, run_trial(graph, trial, config.max_steps))
+        if not skip(trial):
+            start = graph.start_episode(*pair, trial.seed)
+            if not start.ok:
+                print(f"left out: {start.message}", flush=True)
+                refused[pair] = start.message
+                left -= once
+                continue
+            done(trial, run_trial(graph, trial, config.max_steps))
         left -= 1
+        ran, idle = ran + 1, 0
+    if not ran:
+        raise GraphError(f"no goal can be sought; the last: {refused[pair]}")
 
 
 def run_demo(config: DemoConfig) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from cfnav_core.command.interrupt import INTERRUPT
 from cfnav_core.policy.bundle import find_bundle
 from cfnav_core.robot.robot import DEFAULT, load_robot
 from cfnav_core.robot.topics import TOPICS
-from cfnav_core.task.camera import STOCK
+from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.p_hat import SOURCES, PHat
 from cfnav_core.task.vocabulary import CATEGORIES
 from cfnav_ros.drive.outcome import Outcome
@@ -75,11 +75,11 @@ class GraphConfig:
         bag: where everything is recorded; None records nothing.
         lock_step: the simulator waits for the policy at every moment, so that an episode repeats
             itself; no measure of reaction times.
-        camera: the robot's: "mast", which tilts, "stock_preview" or "stock_wide", as sold, which do
-            not, or the JSON file of another.
+        camera: the robot's, of ``task.camera.CAMERAS`` or a JSON file; pictures of any drive, also
+            where the bundle learnt from others.
         depth: whether the mock also publishes the depth of a stereo camera.
-        robot: the name of one that is shipped, or its file; the TurtleBot 4 of the camera when
-            None.
+        robot: the name of one that is shipped, or its file; when None the TurtleBot 4 whose camera
+            tilts or not, as this one does.
         p_hat: where the collision probability comes from, see ``EpisodeLimits``; or "true", what
             the simulator knows, which then speaks in place of the LiDAR node.
         sample_seed: the policy draws its actions with this seed; argmax when None.
@@ -106,7 +106,9 @@ class GraphConfig:
     @property
     def described(self) -> str:
         """Name or file of the robot."""
-        return str(self.robot or ("turtlebot4" if self.camera in STOCK else DEFAULT))
+        # The mock has the standard's hull and LiDAR under every camera, the Lite's too.
+        fixed = not CameraSetUp.read(self.camera).tilts
+        return str(self.robot or ("turtlebot4" if fixed else DEFAULT))
 
     @property
     def parts(self) -> list[NodeStart]:
@@ -119,7 +121,7 @@ class GraphConfig:
             "visual_shift": float(self.visual_shift),
             "true_estimate": told or None, "lock_step": self.lock_step, "use_sim_time": True,
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
-            "sample_seed": self.sample_seed, "other_camera": self.camera in STOCK or None,
+            "sample_seed": self.sample_seed, "other_camera": self.camera != "mast" or None,
             "bundle": self.bundle and find_bundle(self.bundle).resolve(),
         }  # fmt: skip
         return parts(["mock_turtlebot4", *lidar, "policy_node"], given)

@@ -37,7 +37,9 @@ from cfnav_core.task.rooms import (
     room_folder,
     type_of,
 )
+from cfnav_core.task.visibility import MIN_GOAL_STATES
 from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.data.goals import left_out
 from sim_bridge.room.room import ROOMS_VERSION, Room, check_furniture, generate_room
 from sim_bridge.room.sweet_home import CC0_VERSION, SWEET_HOME_VERSION
 from sim_bridge.world.visual_shift import shifted
@@ -47,8 +49,6 @@ if TYPE_CHECKING:
     from sim_bridge.world.world import World
 
 BATCH = 64
-MIN_GOAL_STATES = 4
-"""A goal seen from fewer states of a room is not asked for there."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class RoomOptions:
     """Keep every picture (68 kB a state), to make features again when perception changes."""
     camera: str = "mast"
     """Whose view: mast, stock_wide or stock_preview (a TurtleBot 4 as sold: its whole picture, or
-    the small square one), or a JSON file like a scene's camera."""
+    the small square one), lite (a TurtleBot 4 Lite), or a JSON file like a scene's camera."""
     visual_shift: float = 0.0
     """Another light and lens than in training, 0 to 1 (sim_bridge.world.visual_shift); keep such
     rooms in a folder of their own."""
@@ -339,6 +339,15 @@ def run(options: RoomOptions) -> None:
             pool.shutdown(cancel_futures=True)
             raise
     print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
+    if not options.views:
+        scenes = [OfflineScene.load(room_folder(options.out, *room)) for room in rooms]
+        print(left_out([_sightings(scene) for scene in scenes]))
+
+
+def _sightings(scene: OfflineScene) -> dict[str, int]:
+    """In how many states each thing of a scene is visible."""
+    states = scene.visible.sum(0)
+    return {name: int(states[c]) for c, name in enumerate(scene.objects) if scene.instances[c]}
 
 
 def _result(job: Future[int], room: tuple[str, int]) -> int:

@@ -45,7 +45,7 @@ class ShowOptions:
     views: int = 4
     """Pictures of each room beside the one from above."""
     camera: str = "mast"
-    """Whose view: mast, preview (a TurtleBot 4 as sold), or a JSON file like a scene's camera."""
+    """Whose view: mast, stock_wide, stock_preview, lite, or a JSON file like a scene's camera."""
     side: int = 320
     """Height of a picture on the page, pixels."""
     rows: int = 4

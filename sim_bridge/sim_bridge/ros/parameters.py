@@ -33,8 +33,8 @@ class MockParameters:
     speed: float = setting(1.0, "times real time; 0 is as fast as it can", 0.0, 1000.0)
     camera: str = setting(
         "mast",
-        "mast (1.3 m, 90 deg, tilts), stock_wide (as sold, 66 deg), stock_preview (40 deg) or a "
-        "JSON file of another",
+        "mast (1.3 m, 90 deg, tilts), stock_wide (as sold, 66 deg), stock_preview (40 deg), lite "
+        "(the Lite's, 64 deg) or a JSON file of another",
     )
     camera_size: int = setting(0, "width and height of the picture, pixels; 0: the camera's own")
     scan_mode: str = setting(

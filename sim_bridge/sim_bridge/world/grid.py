@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from cfnav_core.scenes.scene import HEADINGS, actions_to, metres_to
 from cfnav_core.task.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.task.camera import MAST, CameraSetUp
-from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
+from cfnav_core.task.visibility import MIN_GOAL_STATES, VISIBLE_DISTANCE_M
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.world import Pose, World
@@ -130,22 +130,46 @@ def _transitions(ahead: np.ndarray, horizons: int) -> tuple[np.ndarray, np.ndarr
 
 def goal_states(world: World, camera: Camera, grid: StateGrid, goal: str) -> np.ndarray:
     """Bool [S]: states that see the goal, by rendering those near enough and facing it."""
-    out = np.zeros(len(grid.next_state), bool)
+    out = facing(world, camera.set_up, grid, goal)
+    for state in np.flatnonzero(out):
+        out[state] = camera.goal_visible(goal, grid.pose(int(state)))
+    return out
+
+
+def sightings(
+    world: World, camera: Camera, grid: StateGrid, enough: int = MIN_GOAL_STATES
+) -> dict[str, int]:
+    """From how many states each goal of a room is seen, counted to ``enough``.
+
+    Renders only states that may still matter, in an order that finds what is seen often at once.
+    """
+    near = {goal: facing(world, camera.set_up, grid, goal) for goal in world.room.goals}
+    count = dict.fromkeys(near, 0)
+    for state in np.random.default_rng(0).permutation(len(grid.next_state)):
+        if any(near[goal][state] and count[goal] < enough for goal in near):
+            pose = grid.pose(int(state))
+            seen = camera.visible_categories(pose, camera.owner_pixels(pose))
+            for goal in near:
+                count[goal] = min(enough, count[goal] + int(seen[CATEGORY_ID[goal]]))
+    return count
+
+
+def facing(world: World, camera: CameraSetUp, grid: StateGrid, goal: str) -> np.ndarray:
+    """Bool [S]: states near enough to see a goal, from which some of it lies in the view's width.
+
+    Nothing of an object is in the picture unless some point of its footprint is near the cone.
+    """
     boxes = np.array([o.footprint for o in world.room.objects if o.name == goal])
     x, y = grid.positions.T[:, :, None]
     distance = np.hypot(
         np.clip(x, boxes[:, 0], boxes[:, 2]) - x, np.clip(y, boxes[:, 1], boxes[:, 3]) - y
     )
-    # nothing of an object is in the picture unless some point of its footprint is near the cone
     points = _points(boxes)
     bearing = np.arctan2(points[:, 1] - y[:, None, :], points[:, 0] - x[:, None, :])
-    edge, positions, headings = edge_of_view(camera.set_up), grid.position, grid.heading
-    for state in range(len(out)):
-        p, heading = positions[state], headings[state]
-        off = np.abs((bearing[p] - heading * math.pi / 4 + math.pi) % math.tau - math.pi)
-        if ((distance[p] <= VISIBLE_DISTANCE_M) & (off < edge).any(0)).any():
-            out[state] = camera.goal_visible(goal, grid.pose(state))
-    return out
+    ahead = np.arange(HEADINGS)[:, None, None] * (math.pi / 4)
+    off = np.abs((bearing[:, None] - ahead + math.pi) % math.tau - math.pi)
+    shown = (off < edge_of_view(camera)).any(2) & (distance <= VISIBLE_DISTANCE_M)[:, None]
+    return np.repeat(shown.any(2).ravel(), len(grid.horizons))
 
 
 def edge_of_view(camera: CameraSetUp) -> float:
@@ -186,7 +210,8 @@ def start_episode(
         at: the start pose, which then is not drawn; its shortest way is that of the nearest state.
 
     Raises:
-        ValueError: the room has no such goal, or it cannot be seen from anywhere far enough.
+        ValueError: the room has no such goal, the camera sees it from fewer than
+            ``MIN_GOAL_STATES`` states, or no start is far enough away.
     """
     room = world.room
     if goal not in room.goals:
@@ -194,6 +219,12 @@ def start_episode(
         raise ValueError(f"room {room.name}: goal {goal!r} {known}; it has {', '.join(room.goals)}")
     grid = state_grid(world, camera.set_up.horizons)
     seen = goal_states(world, camera, grid, goal)
+    if seen.sum() < MIN_GOAL_STATES:
+        raise ValueError(
+            f"room {room.name}: {goal} is seen within {VISIBLE_DISTANCE_M} m from {seen.sum()} "
+            f"states by this camera ({camera.set_up}), expected {MIN_GOAL_STATES} or more; choose "
+            "another goal, room or camera"
+        )
     actions = actions_to(grid.next_state, seen)
     if at is None:
         state = _draw_start(room.name, goal, seed, grid, actions, int(seen.sum()))

@@ -52,7 +52,7 @@ def test_the_network_has_the_sizes_of_its_camera(name, tmp_path):
     camera = CAMERAS[name]
     sight = Sight.of(camera)
     net = PerceptionNet(sight=sight)
-    shown, near, features, geometry = net(torch.zeros(1, 3, *sight.picture))
+    shown, near, features, geometry = net.eval()(torch.zeros(1, 3, *sight.picture))
     assert shown.shape[2:] == near.shape[2:] == sight.heat
     assert geometry.shape[2:] == sight.coarse
     export_perception(net, tmp_path / "p.onnx", camera=camera)
@@ -61,6 +61,8 @@ def test_the_network_has_the_sizes_of_its_camera(name, tmp_path):
     width, height = camera.size
     seen = perception.observe(np.zeros((height, width, 3), np.uint8))
     assert seen.features.shape[-1] == features.shape[1]
+    maps = perception.maps(np.zeros((height, width, 3), np.uint8))
+    np.testing.assert_allclose(maps, torch.sigmoid(shown[0]).detach(), atol=1e-5)
 
 
 def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_killed(options):

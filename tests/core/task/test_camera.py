@@ -47,7 +47,7 @@ def test_a_file_that_is_no_camera_is_refused(text: str, words: str, tmp_path: Pa
     path.write_text(text)
     with pytest.raises(ValueError, match=words):
         CameraSetUp.read(str(path))
-    with pytest.raises(ValueError, match=r"mast, stock_preview, stock_wide or a JSON file"):
+    with pytest.raises(ValueError, match=r"mast, stock_preview, stock_wide, lite or a JSON file"):
         CameraSetUp.read(str(tmp_path / "none"))
 
 

@@ -92,6 +92,21 @@ def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
     assert sum(len(drive.pictures) for drive in evaluation.drives) > 0.7 * 3 * 7
 
 
+def test_goals_that_the_camera_does_not_see_are_left_out_and_told(
+    demo: Callable, tmp_path: Path
+) -> None:
+    process = demo(
+        *("--room", "bathroom:20", "--goals", "Mirror,Towel", "--camera", "stock_preview"),
+        *("--speed", "2", "--no-veto", "--no-report"),
+    )
+    assert process.wait(LONG_S) == 0, process.output
+    assert "learnt from a camera of 90 x 90 degrees" in process.output
+    assert "left out: room bathroom:20: Mirror is seen within 1.5 m from 0" in process.output
+    metrics = json.loads((tmp_path / "demo/metrics.json").read_text())
+    assert [episode["goal"] for episode in metrics["episodes"]] == ["Towel"]
+    assert metrics["camera"] == "stock_preview"
+
+
 def test_interrupt_stops_the_robot_ends_every_process_and_leaves_no_results(
     demo: Callable, ros_domain_id: int, tmp_path: Path
 ) -> None:
@@ -127,6 +142,14 @@ def test_interrupt_stops_the_robot_ends_every_process_and_leaves_no_results(
         (["--goals", "Unicorn"], "was not trained to find Unicorn; it knows AlarmClock"),
         (["--room", "kitchen:21", "--goals", "Pillow"], "'Pillow' is in none of the rooms"),
         (["--bundle", "/nowhere"], "/nowhere"),
+        (
+            ["--camera", "periscope"],
+            "expected mast, stock_preview, stock_wide, lite or a JSON file",
+        ),
+        (
+            ["--room", "bathroom:20", "--goals", "Mirror", "--camera", "lite"],
+            "no goal can be sought; the last: room bathroom:20: Mirror is seen within 1.5 m from 0",
+        ),
     ],
 )
 def test_what_cannot_run_ends_with_one_sentence(

@@ -25,7 +25,7 @@ from tests.ros.mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
         (["speed:=fast"], "expected float"),
         (["start:=[0.0, 0.0, 0.0]"], "is not free"),
         (["goal:=Unicorn"], "Unicorn"),
-        (["camera:=periscope"], "expected mast, stock_preview, stock_wide or a JSON file"),
+        (["camera:=periscope"], "expected mast, stock_preview, stock_wide, lite or a JSON file"),
         (["camera_size:=7"], "expected 32 to 1080 pixels"),
         (["noise:=-1.0"], "expected 0 to 10"),
         (["visual_shift:=1.5"], "expected 0 to 1"),

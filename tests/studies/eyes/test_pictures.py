@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cfnav_core.perception.pictures import read_rgb, window
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.pictures import crop, load_pictures, read_rgb, window
+from studies.eyes.pictures import crop, load_pictures
 from tests.studies.eyes.made import GREY, table
 
 PICTURE = {

@@ -9,8 +9,8 @@ import numpy as np
 import onnx
 import pytest
 
+from cfnav_core.perception.boxes import Detection
 from cfnav_core.perception.describe import describe
-from studies.eyes.detectors import Found
 from studies.eyes.real import RealOptions, run
 from studies.eyes.realism import RealismOptions, is_found, main, things_of
 from tests.studies.eyes.made import BLUE, GREY, RED, colour_perception, constant_detector, table
@@ -107,7 +107,7 @@ def test_a_rendered_room_is_asked_for_its_things(tmp_path, capsys):
 
 
 def test_a_thing_is_found_by_its_class_where_it_is():
-    there = [Found("couch", 0.9, (0, 0, 10, 10))]
+    there = [Detection("couch", 0.9, (0, 0, 10, 10))]
     assert is_found("Sofa", (0, 0, 10, 9), there)
     assert is_found("ArmChair", (0, 0, 10, 9), there)
     assert not is_found("Chair", (0, 0, 10, 9), there)
