@@ -50,11 +50,6 @@ class Method:
     stage2: Stage
     shared_encoder: bool = False
 
-    @property
-    def trains_predictor(self) -> bool:
-        """Whether its predictor ever learns."""
-        return self.stage1.train_predictor or self.stage2.train_predictor
-
 
 def throughout(stage: Stage, shared_encoder: bool = False) -> Method:
     """One stage all the time."""

@@ -328,18 +328,21 @@ class Run:
             shutil.copyfile(self.options.out / CHECKPOINT, partial)
 
     def validate(self) -> dict[str, float]:
-        """SR and CF-SR on the frozen validation episodes, argmax, and how good the predictor is.
+        """SR and CF-SR on the frozen validation episodes, argmax."""
+        networks = TorchNetworks(self.model, self.predictor, self.stage.feed_prediction)
+        results = run_episodes(networks, self.validation, self.frozen)
+        return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
 
-        Returns:
-            validation_sr, validation_cf_sr and, if it ever learns, ``predictor_figures``.
+    def judge_predictor(self) -> dict[str, float]:
+        """``predictor_figures`` of the frozen validation episodes, as stage one walks them.
+
+        Actions are drawn: the most probable ones of a young policy hardly move, or run into one
+        wall for ever.
         """
         trace: list[Trace] = []
-        networks = TorchNetworks(self.model, self.predictor, self.stage.feed_prediction)
-        results = run_episodes(networks, self.validation, self.frozen, trace=trace)
-        foresight = (
-            predictor_figures(self.validation, trace) if self.method.trains_predictor else {}
-        )
-        return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results), **foresight}
+        networks = TorchNetworks(self.model, self.predictor, self.method.stage1.feed_prediction)
+        run_episodes(networks, self.validation, self.frozen, sample_seed=1, trace=trace)
+        return predictor_figures(self.validation, trace)
 
     def not_finite(self) -> str:
         """Why a gradient is no number, as a sentence."""

@@ -209,12 +209,13 @@ def own_memory_mb() -> float:
 
 def _validate(run: Run, bar: tqdm) -> None:
     """Validate, log, end stage one where that ends it, and keep the best weights so far."""
-    figures = _log(run, bar) if run.ranks.leads else {}
+    in_stage1 = run.progress.border or run.in_stage1
+    judges = in_stage1 and run.method.stage1.train_predictor
+    figures = _log(run, bar, judges) if run.ranks.leads else {}
     # of those that do not lead nothing is added
     auc = figures.get("predictor_auc", math.nan if run.ranks.leads else 0.0)
     cf_sr, auc = run.ranks.total(figures.get("validation_cf_sr", 0.0), auc)
-    in_stage1 = run.progress.border or run.in_stage1
-    ends = in_stage1 and run.heed(auc)
+    ends = judges and run.heed(auc)
     # of stage two only: before it, what validation feeds has taught nobody
     counts = run.episodes >= run.total or not (in_stage1 and run.hp.stage2_episodes)
     run.progress.sums.clear()
@@ -225,10 +226,10 @@ def _validate(run: Run, bar: tqdm) -> None:
         run.save(BEST)
 
 
-def _log(run: Run, bar: tqdm) -> dict[str, float]:
+def _log(run: Run, bar: tqdm, judges: bool) -> dict[str, float]:
     sums = defaultdict(float, run.progress.sums)
     ended, updates = max(1.0, sums["ended"]), max(1.0, sums["updates"])
-    tested = run.validate()
+    tested = run.validate() | (run.judge_predictor() if judges else {})
     figures = {
         "episodes": run.episodes, "steps": run.steps,
         "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9), "cpu_s": run.cpu_s,
