@@ -97,9 +97,10 @@ class TrainOptions:
     run: RunConfig = field(default_factory=RunConfig)
     stage1_most: int = 0
     """Most episodes of a stage one that goes on after --stage1-episodes until the predictor no
-    longer gains in the validation rooms; the best one there is frozen. 0: it does not go on."""
+    longer gains in the validation rooms. 0: it does not go on."""
     stage1_rise: float = 0.002
-    """What counts as a gain: by so much the AUC must rise within --stage1-patience."""
+    """What counts as a gain: an AUC higher by this than that of the predictor that gained last, at
+    the same steps."""
     stage1_patience: int = 5
     """Validations without a gain that end a stage one with --stage1-most."""
     knowledge: Path | None = None

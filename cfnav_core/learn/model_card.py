@@ -76,12 +76,10 @@ def _foresight(training: dict[str, Any]) -> str:
     stage1 = training.get("stage1", {})
     if not stage1.get("aucs"):
         return ""
-    by_rule = stage1["ended"] is not None
-    episodes, auc = max(stage1["aucs"], key=lambda row: row[1]) if by_rule else stage1["aucs"][-1]
-    which = "frozen where it was best" if by_rule else "when last judged in stage one"
+    episodes, auc = stage1["frozen"] or stage1["aucs"][-1]
     return (
-        f" The predictor's AUC at MoveAheads in the validation rooms, {which} (after "
-        f"{episodes:,.0f} episodes): {auc:.3f}."
+        f" The predictor learned from {episodes:,.0f} episodes; its AUC at MoveAheads in the "
+        f"validation rooms was {auc:.3f} at the last validation of stage one."
     )
 
 

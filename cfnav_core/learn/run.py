@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import numpy as np
 import torch
 
 from cfnav_core.agent.agent import new_agent
+from cfnav_core.agent.collision_predictor import CollisionPredictor
 from cfnav_core.agent.config import TrainOptions
 from cfnav_core.agent.find import find_method
 from cfnav_core.agent.methods import Stage
@@ -38,7 +41,7 @@ from cfnav_core.scenes.check import not_finite
 from cfnav_core.scenes.select import scene_names
 from cfnav_core.task.metrics import cf_sr, sr
 
-CARRIED, BEST_PHI = "carried.", "best_predictor."
+CARRIED, KEPT = "carried.", "kept_predictor"
 
 
 @dataclass
@@ -68,8 +71,8 @@ class Run:
         hp: as asked for, but its E_1 is where the rule ended stage one, before that its most.
         episodes, steps: so far, of both stages. best: highest validation CF-SR, -1 before any.
         progress: where it is between two validations.
-        stage1: what is known of stage one. best_phi: the predictor at the best validation of a
-            stage one under the rule, until that has ended.
+        stage1: what is known of stage one. kept: the predictor when it last gained in a stage one
+            under the rule, until that has ended.
         carried: what ``carried`` took of the run that this one goes on from; None in a new one.
 
     Raises:
@@ -115,7 +118,7 @@ class Run:
         )
         self.episodes, self.steps, self.best = 0, 0, -1.0
         self.progress, self.stage1 = Progress(), StageOne()
-        self.best_phi: dict[str, torch.Tensor] | None = None
+        self.kept: CollisionPredictor | None = None
         self.carried: dict[str, torch.Tensor] | None = None
         self._cpu_s_before = 0.0
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
@@ -155,25 +158,29 @@ class Run:
         """Alg. 1: E < E_1, or a validation is still to end it."""
         return self.judged_stage1 or self.episodes < self.hp.stage1_episodes
 
-    def heed(self, auc: float) -> bool:
-        """Take a validation's AUC of the predictor, NaN for none, while that learns in stage one.
+    def heed(self, auc: float, kept_auc: float) -> bool:
+        """Take a validation's AUCs of the predictor and of the kept one, NaN for none.
 
         Returns:
-            Whether it ends a stage one under the rule; phi is then that of the best validation.
+            Whether it ends a stage one under the rule; phi is then the better one of both.
         """
-        best = self.stage1.add(self.episodes, auc)
+        stage1 = self.stage1
+        if not math.isnan(auc):
+            stage1.aucs.append([self.episodes, auc])
         if not self.judged_stage1:
             return False
-        if best:
-            self.best_phi = {k: v.clone() for k, v in self.predictor.state_dict().items()}
         most, rise, patience = self.rule
+        if stage1.gains(self.episodes, auc, kept_auc, rise):
+            self.kept, kept_auc = deepcopy(self.predictor), auc
         least = self.options.run.hyperparameters.stage1_episodes
-        if self.episodes < most and (self.episodes < least or not self.stage1.flat(rise, patience)):
+        if self.episodes < most and (self.episodes < least or stage1.without_gain < patience):
             return False
+        stage1.frozen = [self.episodes, auc]
+        if self.kept and stage1.kept and not auc >= kept_auc:
+            self.predictor.load_state_dict(self.kept.state_dict())
+            stage1.frozen = [stage1.kept, kept_auc]
+        self.kept = None
         self._end_stage1(self.episodes)
-        if self.best_phi:
-            self.predictor.load_state_dict(self.best_phi)
-            self.best_phi = None
         return True
 
     def _end_stage1(self, episodes: int) -> None:
@@ -219,11 +226,12 @@ class Run:
         # what was saved without it, as once everything, was saved right after a validation
         self.progress = Progress(**head.get("progress", {"validated": self.episodes}))
         self.progress.border &= not self.in_stage1
-        self.carried, best_phi = (
-            {k.removeprefix(of): v for k, v in tensors.items() if k.startswith(of)}
-            for of in (CARRIED, BEST_PHI)
-        )
-        self.best_phi = best_phi or None
+        self.carried = {
+            k.removeprefix(CARRIED): v for k, v in tensors.items() if k.startswith(CARRIED)
+        }
+        if any(k.startswith(KEPT + ".") for k in tensors):
+            self.kept = deepcopy(self.predictor)
+            load_module(source, KEPT, self.kept, tensors)
 
     def _check_same(self, tensors: dict[str, torch.Tensor], head: dict[str, Any]) -> None:
         """A run goes on as what it was; only its hyperparameters, such as its length, may change.
@@ -304,7 +312,8 @@ class Run:
         tensors |= optimizer_tensors("optimizer", self.optimizer)
         tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
         tensors |= {CARRIED + k: v for k, v in (carried or {}).items()}
-        tensors |= {BEST_PHI + k: v for k, v in (self.best_phi or {}).items()}
+        if self.kept:
+            tensors |= {f"{KEPT}.{k}": v for k, v in self.kept.state_dict().items()}
         progress = {} if carried is None else {"progress": asdict(self.progress)}
         goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
         save_tensors(self.options.out / name, tensors, {
@@ -338,9 +347,20 @@ class Run:
 
         Actions are drawn: the most probable ones of a young policy hardly move, or run into one
         wall for ever.
+
+        Returns:
+            These, and predictor_kept_auc of the kept predictor at the same steps.
         """
+        found = self._foresight(self.predictor)
+        # nobody reads what is predicted, so the same steps are taken
+        kept = self._foresight(self.kept) if self.kept else {}
+        if "predictor_auc" in kept:
+            found["predictor_kept_auc"] = kept["predictor_auc"]
+        return found
+
+    def _foresight(self, predictor: CollisionPredictor) -> dict[str, float]:
         trace: list[Trace] = []
-        networks = TorchNetworks(self.model, self.predictor, self.method.stage1.feed_prediction)
+        networks = TorchNetworks(self.model, predictor, self.method.stage1.feed_prediction)
         run_episodes(networks, self.validation, self.frozen, sample_seed=1, trace=trace)
         return predictor_figures(self.validation, trace)
 

@@ -1,7 +1,9 @@
 """How good the predictor is in rooms that it does not learn in, and whether that ends stage one.
 
 The paper's stage one has E_1 episodes. By the rule it goes on from there until the predictor no
-longer gains, and the phi that was best is frozen.
+longer gains. What is hard to foresee changes with the policy (one that begins to walk meets other
+walls), so AUCs of two validations cannot be compared: a predictor that was kept is judged beside
+the present one, at the same steps.
 """
 
 from __future__ import annotations
@@ -30,26 +32,25 @@ class StageOne:
     """What a run knows of its stage one.
 
     Attributes:
+        aucs: episodes and AUC of the predictor, of each validation that could tell one.
+        kept: episodes after which the predictor last gained; None before, and without a rule.
+        without_gain: validations since then.
         ended: episodes after which the rule ended it; None before that, and without a rule.
-        aucs: episodes and AUC of each validation in it that could tell one.
+        frozen: episodes that the frozen predictor learned from, and its AUC at the end.
     """
 
-    ended: int | None = None
     aucs: list[list[float]] = field(default_factory=list)
+    kept: int | None = None
+    without_gain: int = 0
+    ended: int | None = None
+    frozen: list[float] | None = None
 
-    def add(self, episodes: int, value: float) -> bool:
-        """Take the AUC of a validation; NaN is none. Says whether it is the best so far."""
-        if math.isnan(value):
-            return False
-        best = all(value > other for _, other in self.aucs)
-        self.aucs.append([episodes, value])
-        return best
-
-    def flat(self, rise: float, patience: int) -> bool:
-        """Whether the last ``patience`` AUCs all lie below the best before them plus ``rise``."""
-        values = [value for _, value in self.aucs]
-        before, last = values[:-patience], values[-patience:]
-        return bool(before) and max(last) < max(before) + rise
+    def gains(self, episodes: int, auc: float, kept_auc: float, rise: float) -> bool:
+        """Whether the predictor is better than the kept one by ``rise``; NaN cannot tell."""
+        gained = auc >= kept_auc + rise or (self.kept is None and not math.isnan(auc))
+        self.kept = episodes if gained else self.kept
+        self.without_gain = 0 if gained else self.without_gain + 1
+        return gained
 
 
 def rule_of(options: TrainOptions, method: Method) -> Rule:
@@ -76,10 +77,10 @@ def rule_of(options: TrainOptions, method: Method) -> Rule:
             f"found --stage1-most with {options.workers} asynchronous workers, which go on "
             "learning while a validation judges; leave out one of them"
         )
-    if method.stage2.train_predictor or not method.stage1.train_predictor:
+    if method.stage2.train_predictor or not method.stage1.predicts_for_nobody:
         raise ValueError(
             f"found --stage1-most with method {options.run.method}, expected one whose predictor "
-            "learns in stage one alone, such as ours; leave it out"
+            "learns in stage one alone and is read by nobody there, such as ours; leave it out"
         )
     return most, options.stage1_rise, options.stage1_patience
 

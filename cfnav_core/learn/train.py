@@ -212,10 +212,13 @@ def _validate(run: Run, bar: tqdm) -> None:
     in_stage1 = run.progress.border or run.in_stage1
     judges = in_stage1 and run.method.stage1.train_predictor
     figures = _log(run, bar, judges) if run.ranks.leads else {}
-    # of those that do not lead nothing is added
-    auc = figures.get("predictor_auc", math.nan if run.ranks.leads else 0.0)
-    cf_sr, auc = run.ranks.total(figures.get("validation_cf_sr", 0.0), auc)
-    ends = judges and run.heed(auc)
+    # those that do not lead add nothing
+    none = math.nan if run.ranks.leads else 0.0
+    cf_sr, auc, kept_auc = run.ranks.total(
+        figures.get("validation_cf_sr", 0.0),
+        *(figures.get(name, none) for name in ("predictor_auc", "predictor_kept_auc")),
+    )
+    ends = judges and run.heed(auc, kept_auc)
     # of stage two only: before it, what validation feeds has taught nobody
     counts = run.episodes >= run.total or not (in_stage1 and run.hp.stage2_episodes)
     run.progress.sums.clear()

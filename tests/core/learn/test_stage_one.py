@@ -42,17 +42,19 @@ def options(scenes: Path, out: Path, method: str = "ours", **changes: object) ->
     )  # fmt: skip
 
 
-def test_flat_is_what_rises_too_little_for_too_long():
-    stage1, said = StageOne(), []
-    for episodes, auc in enumerate((0.6, 0.7, math.nan, 0.705, 0.72, 0.71, 0.729)):
-        best = stage1.add(episodes, auc)
-        said.append((best, stage1.flat(0.01, 2)))
-    # 0.72 lies 0.02 above 0.7; then neither 0.71 nor 0.729 lies 0.01 above 0.72
+def test_a_gain_is_over_the_kept_one_at_the_same_steps():
+    stage1, nan = StageOne(), math.nan
+    said = [
+        (stage1.gains(n, *aucs, 0.01), stage1.kept, stage1.without_gain)
+        for n, aucs in enumerate(
+            # neither can be told; the first; too little; harder steps, but better; cannot be told
+            [(nan, nan), (0.9, nan), (0.905, 0.9), (0.8, 0.75), (nan, nan), (0.9, 0.95)],
+            start=1,
+        )
+    ]
     assert said == [
-        (True, False), (True, False), (False, False), (True, False), (True, False),
-        (False, False), (True, True),
+        (False, None, 1), (True, 2, 0), (False, 2, 1), (True, 4, 0), (False, 4, 1), (False, 4, 2)
     ]  # fmt: skip
-    assert stage1.aucs[2] == [3, 0.705]
 
 
 def test_a_state_counts_once_an_episode():
@@ -79,30 +81,43 @@ def test_a_state_counts_once_an_episode():
     }
 
 
-def judged(monkeypatch: pytest.MonkeyPatch, aucs: list[float]) -> list[dict[str, torch.Tensor]]:
-    """Let validations find these AUCs, the last one from then on; the predictors they saw."""
+def judged(
+    monkeypatch: pytest.MonkeyPatch, aucs: list[tuple[float, float]]
+) -> list[dict[str, torch.Tensor]]:
+    """Let validations find these AUCs of the predictor and of the kept one; the predictors seen."""
     seen: list[dict[str, torch.Tensor]] = []
 
     def judge(run: Run) -> dict[str, float]:
-        auc = aucs[min(len(seen), len(aucs) - 1)]
+        auc, kept = aucs[len(seen)]
         seen.append({k: v.clone() for k, v in run.predictor.state_dict().items()})
-        return {"predictor_auc": auc}
+        return {"predictor_auc": auc} | ({"predictor_kept_auc": kept} if run.kept else {})
 
     monkeypatch.setattr(Run, "judge_predictor", judge)
     return seen
 
 
-def test_stage_one_ends_where_nothing_is_gained_and_keeps_the_best(scenes, tmp_path, monkeypatch):
-    seen = judged(monkeypatch, [0.6, 0.7, 0.8, 0.9, 0.89, 0.905, 0.5])
+def same(tensors: dict[str, torch.Tensor], predictor: dict[str, torch.Tensor]) -> bool:
+    return all((tensors[f"predictor.{k}"] == v).all() for k, v in predictor.items())
+
+
+@pytest.mark.parametrize(("last", "frozen"), [(0.795, 3), (0.805, 5)])
+def test_stage_one_ends_without_gain_and_keeps_the_better(
+    scenes, tmp_path, monkeypatch, last, frozen
+):
+    """After the fourth the steps are harder; the last is below or above the kept one's 0.8."""
+    aucs = [(0.6, 0), (0.7, 0.6), (0.8, 0.7), (0.9, 0.8), (0.79, 0.8), (last, 0.8), (0.5, 0.5)]
+    seen = judged(monkeypatch, aucs)
     train(options(scenes, tmp_path))
     head = load_tensors(tmp_path / STAGE1)[1]
     log = [json.loads(line) for line in (tmp_path / LOG).read_text().splitlines()]
-    assert [auc for _, auc in head["stage1"]["aucs"]] == [0.6, 0.7, 0.8, 0.9, 0.89, 0.905]
-    assert head["stage1"]["ended"] == head["episodes"] == log[5]["episodes"] < 400
+    stage1 = head["stage1"]
+    assert [auc for _, auc in stage1["aucs"]] == [auc for auc, _ in aucs[:6]]
+    assert stage1["ended"] == head["episodes"] == log[5]["episodes"] < 400
+    assert stage1["frozen"] == [log[frozen]["episodes"], max(last, 0.8)]
     for name in (STAGE1, CHECKPOINT, BEST):
         there = load_tensors(tmp_path / name)[0]
-        assert all((there[f"predictor.{k}"] == v).all() for k, v in seen[5].items())
-        assert not any(k.startswith("best_predictor.") for k in there)
+        assert same(there, seen[frozen])
+        assert not any(k.startswith("kept_predictor.") for k in there)
     assert any((seen[5][k] != v).any() for k, v in seen[3].items())
     for key in ("collision_loss", "predictor_auc"):
         assert key in log[5]
@@ -111,17 +126,8 @@ def test_stage_one_ends_where_nothing_is_gained_and_keeps_the_best(scenes, tmp_p
     assert end >= head["episodes"] + 60 > end - 16
 
 
-def test_what_is_best_before_the_end_is_what_is_frozen(scenes, tmp_path, monkeypatch):
-    seen = judged(monkeypatch, [0.6, 0.9, 0.8, 0.7])
-    train(options(scenes, tmp_path))
-    stage1, head = load_tensors(tmp_path / STAGE1)
-    assert len(head["stage1"]["aucs"]) == 4
-    assert all((stage1[f"predictor.{k}"] == v).all() for k, v in seen[1].items())
-    assert any((seen[3][k] != v).any() for k, v in seen[1].items())
-
-
 def test_the_most_ends_a_stage_one_that_still_gains(scenes, tmp_path, monkeypatch):
-    judged(monkeypatch, [0.5 + 0.02 * n for n in range(20)])
+    judged(monkeypatch, [(0.9, 0.5)] * 20)
     train(options(scenes, tmp_path, stage1_most=150))
     _, head = load_tensors(tmp_path / STAGE1)
     assert 150 <= head["stage1"]["ended"] == head["episodes"] < 166
