@@ -17,7 +17,7 @@ validation=${VALIDATION:-worlds:validation sweet_home.worlds:validation}
 tests=${TESTS:-worlds:test sweet_home.worlds:test}
 stage1=${STAGE1:-250000} most=${MOST:-1000000} stage2=${STAGE2:-600000} # episodes
 every=${EVERY:-15000} episodes=${EPISODES:-2000}
-live=${LIVE:-300-304} trials=${TRIALS:-60}     # seeds of each type and furniture; drives
+live=${LIVE:-} trials=${TRIALS:-60}            # rooms, the first five test rooms of each kind; drives
 
 each() { for word in "${@:2}"; do printf '%s %s ' "$1" "$word"; done; } # each FLAG WORD...
 once() { # once NAME COMMAND...: not again when it is done
@@ -54,9 +54,10 @@ evaluate() { # evaluate FILE ROOMS...
     $(each --rooms "${@:2}") --episodes "$episodes" --seed "$seed" --json "$out/$1.json"
 }
 drive() { # drive METHOD
-  python -m studies.live.trials episodes --room "$(every_kind "$live" | tr ' \n' ,, | sed 's/,$//')" \
-    --episodes "$trials" --speed 0 --camera "$camera" --bundle "$out/bundle_$1" \
-    --out "$out/live/$1.jsonl"
+  local rooms
+  rooms=$(echo ${live:-$(every_kind 300-304)})
+  python -m studies.live.trials episodes --room "${rooms// /,}" --episodes "$trials" --speed 0 \
+    --camera "$camera" --bundle "$out/bundle_$1" --out "$out/live/$1.jsonl"
 }
 
 remake() { # remake CAMERA NAME

@@ -140,7 +140,7 @@ def test_a_killed_run_ends_like_one_that_was_not(scenes, whole, tmp_path, kills)
 
 def by_rule(scenes: Path, out: Path) -> TrainOptions:
     """A stage one that validations end: after its best one, and before its most."""
-    return options(scenes, out, stage1_most=600, stage1_rise=0.1, stage1_patience=2)
+    return options(scenes, out, stage1_most=600, stage1_rise=0.1, stage1_patience=1)
 
 
 @pytest.fixture(scope="module")
