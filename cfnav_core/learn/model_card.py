@@ -68,7 +68,7 @@ def _stage1(training: dict[str, Any]) -> str:
     ended = training.get("stage1", {}).get("ended")
     if ended is None:
         return f"{training['config']['hyperparameters']['stage1_episodes']:,} episodes"
-    return f"{ended:,} episodes (until the predictor no longer gained in the validation rooms)"
+    return f"{ended:,} episodes (--stage1-most: as long as its predictor gained)"
 
 
 def _foresight(training: dict[str, Any]) -> str:
