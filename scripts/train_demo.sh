@@ -1,56 +1,86 @@
 #!/usr/bin/env bash
-# Remakes the shipped bundles from nothing. Takes hours; goes on where it stopped when run again.
-#   OUT=out/train scripts/train_demo.sh
-# Perception learns from rooms of its own. Training rooms train both policies, validation rooms
-# choose their checkpoints, test rooms are looked at once, at the end.
-# The shipped bundle was made by these commands run one by one. Its perception was trained without
-# bathrooms 1123 and 1124. Both policies were ended after about 700,000 of 850,000 episodes, long
-# after their best checkpoints (405,064 and 310,025 episodes) had been chosen and tested.
+# Remakes the bundles from nothing: default (camera on a mast) and turtlebot4 (as sold, wide), each
+# ours, beside plain from the same stage one. Takes days; goes on where it stopped when run again.
+#   OUT=out/train CAMERAS="mast stock_wide" scripts/train_demo.sh
+# Perception learns from rooms of its own, while they are rendered. Training rooms train both
+# policies, validation rooms end stage one and choose checkpoints, test rooms are looked at once, at
+# the end. The default bundle shipped so far is older: 64 rooms of our own furniture, 850,000
+# episodes, perception of 200,000 pictures of 125 rooms (this script, before there were two worlds).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-out=${OUT:-out/train}
 seed=${SEED:-0}
-perception_rooms=1000-1124
-views=40
-pictures=200000
-training=0-15
-validation=18-19
-test=20-25
+views=${VIEWS:-1000-1249}                      # seeds of each type and furniture, 200 pictures each
+pictures=${PICTURES:-2000000}
+training=${TRAINING:-worlds:train sweet_home.worlds:train}
+validation=${VALIDATION:-worlds:validation sweet_home.worlds:validation}
+tests=${TESTS:-worlds:test sweet_home.worlds:test}
+stage1=${STAGE1:-250000} most=${MOST:-1000000} stage2=${STAGE2:-600000} # episodes
+every=${EVERY:-15000} episodes=${EPISODES:-2000}
+live=${LIVE:-} trials=${TRIALS:-60}            # rooms, the first five test rooms of each kind; drives
 
-rooms() { # rooms FLAG RANGE: "FLAG type:RANGE" for each type
-  for type in kitchen living_room bedroom bathroom; do printf '%s %s:%s ' "$1" "$type" "$2"; done
+each() { for word in "${@:2}"; do printf '%s %s ' "$1" "$word"; done; } # each FLAG WORD...
+once() { # once NAME COMMAND...: not again when it is done
+  [ ! -e "$out/done/$1" ] || return 0
+  "${@:2}"
+  mkdir -p "$out/done" && touch "$out/done/$1"
+}
+every_kind() { # every_kind FIRST-LAST: rooms of each type and furniture, seed by seed
+  for number in $(seq "${1%-*}" "${1#*-}"); do
+    for type in kitchen living_room bedroom bathroom; do
+      echo "$type:$number" "sweet_home.$type:$number"
+    done
+  done
 }
 
-cfnav rooms make $(rooms --rooms $perception_rooms) --views $views --out "$out/views"
-perception=$out/perception/perception.onnx
-[ -f "$perception" ] || cfnav perception \
-  --data "$out/views" --out "$perception" --pictures $pictures --seed "$seed"
-for range in $training $validation $test; do
-  cfnav rooms make $(rooms --rooms $range) --perception "$perception" --out "$out/scenes"
-done
-
-train() { # train METHOD [MORE]: a run in out/METHOD
-  cfnav train --scenes "$out/scenes" $(rooms --train-rooms $training) \
-    $(rooms --validation-rooms $validation) \
-    --method "$1" --seed "$seed" --out "$out/$1" "${@:2}"
+see() { # the pictures, and beside them the network that learns from those that are there
+  cfnav rooms make $(each --rooms $(every_kind "$views")) --views 200 --camera "$camera" \
+    --out "$out/views" &
+  cfnav perception --data "$out/views" --out "$perception" --pictures "$pictures" --seed "$seed" \
+    --wait-for "${WAIT_FOR:-40}"
+  wait $!
 }
-train ours
-train plain --stage1 "$out/ours/stage1.safetensors"
+train() { # train METHOD [MORE]
+  cfnav train --scenes "$out/scenes" $(each --train-rooms $training) \
+    $(each --validation-rooms $validation) --stage1-episodes "$stage1" --stage2-episodes "$stage2" \
+    --validation-every "$every" --method "$1" --seed "$seed" --out "$out/$1" "${@:2}"
+}
+export_bundle() { # export_bundle METHOD FOLDER NAME [MORE]
+  cfnav export "$out/$1/best.safetensors" --perception "$perception" --name "$3" --out "$2" \
+    --commands '`scripts/train_demo.sh` (`make train-demo`)' "${@:4}"
+}
+evaluate() { # evaluate FILE ROOMS...
+  cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
+    $(each --rooms "${@:2}") --episodes "$episodes" --seed "$seed" --json "$out/$1.json"
+}
+drive() { # drive METHOD
+  local rooms
+  rooms=$(echo ${live:-$(every_kind 300-304)})
+  python -m studies.live.trials episodes --room "${rooms// /,}" --episodes "$trials" --speed 0 \
+    --camera "$camera" --bundle "$out/bundle_$1" --out "$out/live/$1.jsonl"
+}
 
-for method in plain ours; do
-  cfnav export "$out/$method/best.safetensors" --perception "$perception" \
-    --name "$method" --out "$out/bundle_$method"
+remake() { # remake CAMERA NAME
+  camera=$1 out=${OUT:-out/train}/$1
+  perception=$out/perception/perception.onnx
+  once perception see
+  render() { cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
+    --out "$out/scenes"; }
+  once rooms render $training $validation
+  once ours train ours --stage1-most "$most"
+  once plain train plain --stage1 "$out/ours/stage1.safetensors"
+  for method in plain ours; do once "$method.bundle" export_bundle $method "$out/bundle_$method" $method; done
+  once tests render $tests
+  for rooms in $tests; do once "$rooms" evaluate "metrics_${rooms%%:*}" "$rooms"; done
+  once metrics evaluate metrics $tests
+  for method in plain ours; do once "$method.live" drive $method; done
+  once live python -m studies.live.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \
+    --json "$out/live.json"
+  once bundle export_bundle ours "$out/$2" "$2" --metrics "$out/metrics.json" --live "$out/live.json"
+}
+
+trap 'kill $(jobs -p) 2> /dev/null || true' EXIT # the pictures end with what they are for
+for camera in ${CAMERAS:-mast stock_wide}; do
+  case $camera in mast) name=default ;; stock_wide) name=turtlebot4 ;; *) name=$camera ;; esac
+  remake "$camera" "$name"
 done
-# 2,000 episodes, drawn once by cfnav data freeze
-cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
-  --frozen docs/episodes/test_rooms_20-25.json --json "$out/metrics.json"
-for method in plain ours; do
-  python -m studies.live.trials episodes --episodes 60 --speed 0 --bundle "$out/bundle_$method" \
-    --out "$out/live/$method.jsonl"
-done
-python -m studies.live.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \
-  --json "$out/live.json"
-cfnav export "$out/ours/best.safetensors" --perception "$perception" \
-  --name ours --metrics "$out/metrics.json" --live "$out/live.json" \
-  --commands '`scripts/train_demo.sh` (`make train-demo`)' --out "$out/bundle_ours"

@@ -95,6 +95,14 @@ class TrainOptions:
     stage1: Path | None = None
     """stage1.safetensors of another run of the same seed; skips stage one."""
     run: RunConfig = field(default_factory=RunConfig)
+    stage1_most: int = 0
+    """Most episodes of a stage one that goes on after --stage1-episodes until the predictor no
+    longer gains in the validation rooms. 0: it does not go on."""
+    stage1_rise: float = 0.002
+    """What counts as a gain: an AUC higher by this than that of the predictor that gained last, at
+    the same steps."""
+    stage1_patience: int = 5
+    """Validations without a gain that end a stage one with --stage1-most."""
     knowledge: Path | None = None
     """What the model knows of the objects (cfnav data knowledge); compact needs nothing."""
     validation_every: int = 15_000
@@ -125,6 +133,8 @@ class TrainOptions:
             "episode_steps": (hp.episode_steps, 0),
             "validation_every": (self.validation_every, 1),
             "validation_episodes": (self.validation_episodes, 1),
+            "stage1_most": (self.stage1_most, 0), "stage1_rise": (self.stage1_rise, 0),
+            "stage1_patience": (self.stage1_patience, 1),
             "checkpoint_s": (self.checkpoint_s, 0), "threads": (self.threads, 1),
             "workers": (self.workers, 0),
         }  # fmt: skip

@@ -30,6 +30,7 @@ WEIGHTS_OF = ("model", "predictor", "knowledge")
 
 TRAINING_FIELDS = (
     "config", "commit", "episodes", "steps", "perception", "train_rooms", "validation_rooms",
+    "stage1",
 )  # fmt: skip
 
 
@@ -61,7 +62,8 @@ def export_bundle(
         bundle = BundleHead(
             name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
             tuple(head["goals"]), {n: sha256(partial / n) for n in (*NETWORKS, WEIGHTS)},
-            {k: head[k] for k in TRAINING_FIELDS} | ({"commands": commands} if commands else {}),
+            {k: head[k] for k in TRAINING_FIELDS if k in head}
+            | ({"commands": commands} if commands else {}),
             metrics or {},
             find_model(head["config"]["model"]).zero_shot, inputs.features, inputs.fields,
             inputs.room_types, trained.camera or observer.gives.camera,

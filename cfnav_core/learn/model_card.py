@@ -39,10 +39,11 @@ def model_card(head: BundleHead) -> str:
         "## How it was made",
         "",
         f"Algorithm 1 at commit `{t['commit']}`, seed {t['config']['seed']}: stage one "
-        f"{hp['stage1_episodes']:,} episodes, stage two {hp['stage2_episodes']:,}; the checkpoint "
+        f"{_stage1(t)}, stage two {hp['stage2_episodes']:,}; the checkpoint "
         f"with the best CF-SR on the validation rooms was kept (after {t['episodes']:,} episodes, "
         f"{t['steps']:,} steps). LSTM widths {size['hidden']} (policy) and "
-        f"{t['config']['predictor_hidden']} (collision predictor).",
+        f"{t['config']['predictor_hidden']} (collision predictor)."
+        + (_foresight(t) if head.feeds_prediction else ""),
         "",
         f"Training rooms: {', '.join(t['train_rooms'])}. Validation rooms: "
         f"{', '.join(t['validation_rooms'])}. Perception `{t['perception']}` saw none of these nor "
@@ -60,6 +61,26 @@ def model_card(head: BundleHead) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _stage1(training: dict[str, Any]) -> str:
+    """How long it was, and why."""
+    ended = training.get("stage1", {}).get("ended")
+    if ended is None:
+        return f"{training['config']['hyperparameters']['stage1_episodes']:,} episodes"
+    return f"{ended:,} episodes (--stage1-most: as long as its predictor gained)"
+
+
+def _foresight(training: dict[str, Any]) -> str:
+    """How good the predictor was when it was frozen."""
+    stage1 = training.get("stage1", {})
+    if not stage1.get("aucs"):
+        return ""
+    episodes, auc = stage1["frozen"] or stage1["aucs"][-1]
+    return (
+        f" The predictor learned from {episodes:,.0f} episodes; its AUC at MoveAheads in the "
+        f"validation rooms was {auc:.3f} at the last validation of stage one."
+    )
 
 
 def _other_goals(head: BundleHead) -> list[str]:

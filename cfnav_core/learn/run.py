@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import numpy as np
 import torch
 
 from cfnav_core.agent.agent import new_agent
+from cfnav_core.agent.collision_predictor import CollisionPredictor
 from cfnav_core.agent.config import TrainOptions
 from cfnav_core.agent.find import find_method
 from cfnav_core.agent.methods import Stage
@@ -27,17 +30,18 @@ from cfnav_core.files.provenance import commit
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.knowledge.files import load_knowledge
 from cfnav_core.learn.env import SceneBank
-from cfnav_core.learn.evaluate import Episodes, run_episodes
+from cfnav_core.learn.evaluate import Episodes, Trace, run_episodes
 from cfnav_core.learn.ranks import Ranks
 from cfnav_core.learn.run_files import CHECKPOINT, STAGE1
 from cfnav_core.learn.run_log import RunLog
+from cfnav_core.learn.stage_one import NO_RULE, StageOne, predictor_figures, rule_of
 from cfnav_core.models.base import Knowledge
 from cfnav_core.policy.networks import TorchNetworks
 from cfnav_core.scenes.check import not_finite
 from cfnav_core.scenes.select import scene_names
 from cfnav_core.task.metrics import cf_sr, sr
 
-CARRIED = "carried."
+CARRIED, KEPT = "carried.", "kept_predictor"
 
 
 @dataclass
@@ -64,8 +68,11 @@ class Run:
     """State of one training run.
 
     Attributes:
+        hp: as asked for, but its E_1 is where the rule ended stage one, before that its most.
         episodes, steps: so far, of both stages. best: highest validation CF-SR, -1 before any.
         progress: where it is between two validations.
+        stage1: what is known of stage one. kept: the predictor when it last gained in a stage one
+            under the rule, until that has ended.
         carried: what ``carried`` took of the run that this one goes on from; None in a new one.
 
     Raises:
@@ -81,6 +88,10 @@ class Run:
             raise ValueError(f"found rooms in both training and validation: {sorted(shared)}")
         config = options.run
         self.options, self.hp = options, config.hyperparameters
+        self.method = find_method(config.method)
+        self.rule = rule_of(options, self.method)
+        if most := self.rule[0]:
+            self.hp = replace(self.hp, stage1_episodes=most)
         self.ranks = Ranks.join()
         if options.workers and self.ranks.size > 1:
             raise ValueError(
@@ -93,7 +104,6 @@ class Run:
                 "leave out --workers or --device"
             )
         device = self.ranks.device("cpu" if options.workers else options.device)
-        self.method = find_method(config.method)
         self.bank = SceneBank.load(options.scenes, options.train_rooms, device)
         self.validation = SceneBank.load(options.scenes, options.validation_rooms, device)
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
@@ -107,7 +117,8 @@ class Run:
             torch.optim.Adam(own, self.hp.lr, fused=True) for own in self.agent.parameters()
         )
         self.episodes, self.steps, self.best = 0, 0, -1.0
-        self.progress = Progress()
+        self.progress, self.stage1 = Progress(), StageOne()
+        self.kept: CollisionPredictor | None = None
         self.carried: dict[str, torch.Tensor] | None = None
         self._cpu_s_before = 0.0
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
@@ -124,7 +135,7 @@ class Run:
 
     @property
     def total(self) -> int:
-        """E_1 + E_2."""
+        """E_1 + E_2, the most it may be while stage one is under way."""
         return self.hp.stage1_episodes + self.hp.stage2_episodes
 
     @property
@@ -133,7 +144,48 @@ class Run:
         validated, every = self.progress.validated, self.options.validation_every
         if self.episodes >= self.total and (self.episodes > validated or self.best < 0):
             return True
+        if self.judged_stage1 and self.episodes >= self.hp.stage1_episodes:
+            return True
         return self.episodes // every > validated // every
+
+    @property
+    def judged_stage1(self) -> bool:
+        """Whether validations are to end stage one, and none has yet."""
+        return self.rule != NO_RULE and self.stage1.ended is None
+
+    @property
+    def in_stage1(self) -> bool:
+        """Alg. 1: E < E_1, or a validation is still to end it."""
+        return self.judged_stage1 or self.episodes < self.hp.stage1_episodes
+
+    def heed(self, auc: float, kept_auc: float) -> bool:
+        """Take a validation's AUCs of the predictor and of the kept one, NaN for none.
+
+        Returns:
+            Whether it ends a stage one under the rule; phi is then the better one of both.
+        """
+        stage1 = self.stage1
+        if not math.isnan(auc):
+            stage1.aucs.append([self.episodes, auc])
+        if not self.judged_stage1:
+            return False
+        most, rise, patience = self.rule
+        if stage1.gains(self.episodes, auc, kept_auc, rise):
+            self.kept, kept_auc = deepcopy(self.predictor), auc
+        least = self.options.run.hyperparameters.stage1_episodes
+        if self.episodes < most and (self.episodes < least or stage1.without_gain < patience):
+            return False
+        stage1.frozen = [self.episodes, auc]
+        if self.kept and stage1.kept and not auc >= kept_auc:
+            self.predictor.load_state_dict(self.kept.state_dict())
+            stage1.frozen = [stage1.kept, kept_auc]
+        self.kept = None
+        self._end_stage1(self.episodes)
+        return True
+
+    def _end_stage1(self, episodes: int) -> None:
+        self.stage1.ended = episodes
+        self.hp = replace(self.hp, stage1_episodes=episodes)
 
     def resume(self) -> None:
         """Go on from the run's own checkpoint, else from a given stage one, else from nothing."""
@@ -163,6 +215,9 @@ class Run:
         restore_optimizer("optimizer", self.optimizer, tensors)
         restore_optimizer("predictor_optimizer", self.predictor_optimizer, tensors)
         self.episodes, self.steps = head["episodes"], head["steps"]
+        self.stage1 = StageOne(**head.get("stage1", {}))
+        if self.stage1.ended is not None:
+            self._end_stage1(self.stage1.ended)
         if source != own:
             self.progress.validated = self.episodes
             return
@@ -170,10 +225,13 @@ class Run:
         self._cpu_s_before = head.get("cpu_s", 0.0)
         # what was saved without it, as once everything, was saved right after a validation
         self.progress = Progress(**head.get("progress", {"validated": self.episodes}))
-        self.progress.border &= self.episodes >= self.hp.stage1_episodes
+        self.progress.border &= not self.in_stage1
         self.carried = {
             k.removeprefix(CARRIED): v for k, v in tensors.items() if k.startswith(CARRIED)
         }
+        if any(k.startswith(KEPT + ".") for k in tensors):
+            self.kept = deepcopy(self.predictor)
+            load_module(source, KEPT, self.kept, tensors)
 
     def _check_same(self, tensors: dict[str, torch.Tensor], head: dict[str, Any]) -> None:
         """A run goes on as what it was; only its hyperparameters, such as its length, may change.
@@ -186,8 +244,10 @@ class Run:
         asked = asdict(options.run) | {
             "train_rooms": list(options.train_rooms),
             "validation_rooms": list(options.validation_rooms),
+            "stage1_rule": list(self.rule),
         }
-        found = head | head["config"]
+        # what says nothing of a rule had none
+        found = {"stage1_rule": list(NO_RULE)} | head | head["config"]
         for key, value in asked.items():
             if key != "hyperparameters" and found.get(key) != value:
                 raise CheckpointError(
@@ -226,6 +286,13 @@ class Run:
                 f"found {source} of a run with {different[0]} {found.get(different[0])!r}, whose "
                 f"stage one is not that of {asked[different[0]]!r}; leave out --stage1"
             )
+        if head.get("stage1", {}).get("ended") is not None:
+            return  # by the rule, and no shorter than it is
+        if tuple(head.get("stage1_rule", NO_RULE)) != NO_RULE:
+            raise CheckpointError(
+                f"found {source} after {head['episodes']} episodes of a stage one that is to go on "
+                "until its predictor no longer gains; let that run go on first"
+            )
         if head["episodes"] < self.hp.stage1_episodes:
             raise CheckpointError(
                 f"found {source} after {head['episodes']} episodes, expected all "
@@ -245,11 +312,14 @@ class Run:
         tensors |= optimizer_tensors("optimizer", self.optimizer)
         tensors |= optimizer_tensors("predictor_optimizer", self.predictor_optimizer)
         tensors |= {CARRIED + k: v for k, v in (carried or {}).items()}
+        if self.kept:
+            tensors |= {f"{KEPT}.{k}": v for k, v in self.kept.state_dict().items()}
         progress = {} if carried is None else {"progress": asdict(self.progress)}
         goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
         save_tensors(self.options.out / name, tensors, {
             "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
-            "best": self.best, "cpu_s": self.cpu_s,
+            "best": self.best, "cpu_s": self.cpu_s, "stage1": asdict(self.stage1),
+            "stage1_rule": self.rule,
             "perception": self.bank.perception, "goals": goals,
             "inputs": asdict(self.bank.inputs),
             "camera": camera.to_json() if (camera := self.bank.camera) else None,
@@ -272,6 +342,28 @@ class Run:
         results = run_episodes(networks, self.validation, self.frozen)
         return {"validation_sr": sr(results), "validation_cf_sr": cf_sr(results)}
 
+    def judge_predictor(self) -> dict[str, float]:
+        """``predictor_figures`` of the frozen validation episodes, as stage one walks them.
+
+        Actions are drawn: the most probable ones of a young policy hardly move, or run into one
+        wall for ever.
+
+        Returns:
+            These, and predictor_kept_auc of the kept predictor at the same steps.
+        """
+        found = self._foresight(self.predictor)
+        # nobody reads what is predicted, so the same steps are taken
+        kept = self._foresight(self.kept) if self.kept else {}
+        if "predictor_auc" in kept:
+            found["predictor_kept_auc"] = kept["predictor_auc"]
+        return found
+
+    def _foresight(self, predictor: CollisionPredictor) -> dict[str, float]:
+        trace: list[Trace] = []
+        networks = TorchNetworks(self.model, predictor, self.method.stage1.feed_prediction)
+        run_episodes(networks, self.validation, self.frozen, sample_seed=1, trace=trace)
+        return predictor_figures(self.validation, trace)
+
     def not_finite(self) -> str:
         """Why a gradient is no number, as a sentence."""
         for scene in self.bank.scenes:
@@ -290,5 +382,4 @@ class Run:
     @property
     def stage(self) -> Stage:
         """Alg. 1: stage one while E < E_1, stage two from then on."""
-        first = self.episodes < self.hp.stage1_episodes
-        return self.method.stage1 if first else self.method.stage2
+        return self.method.stage1 if self.in_stage1 else self.method.stage2

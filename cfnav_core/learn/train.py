@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import resource
 import signal
 import sys
@@ -153,7 +154,8 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
         if validated := run.validation_due:
             _validate(run, bar)
             since = time.monotonic()
-        progress.border = False
+        else:
+            progress.border = False
         ended = run.episodes >= run.total
         # all ranks save and stop in the same round
         late = leads and time.monotonic() - saved > options.checkpoint_s
@@ -162,6 +164,8 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
         if validated or late or stopped or ended:
             run.save(CHECKPOINT, execution.carried())
             saved = time.monotonic()
+        if progress.border and leads:  # a validation has ended stage one
+            run.keep_stage1()
         if stopped or ended:
             break
         episodes, steps = run.episodes, run.steps
@@ -170,7 +174,7 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
         progress.add({"steps": run.steps - steps, "seconds": now - since})
         since = now
         bar.update(run.episodes - episodes)
-        if episodes < run.hp.stage1_episodes <= run.episodes:
+        if episodes < run.hp.stage1_episodes <= run.episodes and not run.judged_stage1:
             progress.border = True
             run.save(CHECKPOINT, execution.carried())
             if leads:
@@ -204,23 +208,31 @@ def own_memory_mb() -> float:
 
 
 def _validate(run: Run, bar: tqdm) -> None:
-    """Validate, log, and keep the weights where they are the best so far."""
-    cf_sr = _log(run, bar)["validation_cf_sr"] if run.ranks.leads else 0.0
-    (cf_sr,) = run.ranks.total(cf_sr)
-    in_stage1 = run.progress.border or run.episodes < run.hp.stage1_episodes
+    """Validate, log, end stage one where that ends it, and keep the best weights so far."""
+    in_stage1 = run.progress.border or run.in_stage1
+    judges = in_stage1 and run.method.stage1.train_predictor
+    figures = _log(run, bar, judges) if run.ranks.leads else {}
+    # those that do not lead add nothing
+    none = math.nan if run.ranks.leads else 0.0
+    cf_sr, auc, kept_auc = run.ranks.total(
+        figures.get("validation_cf_sr", 0.0),
+        *(figures.get(name, none) for name in ("predictor_auc", "predictor_kept_auc")),
+    )
+    ends = judges and run.heed(auc, kept_auc)
     # of stage two only: before it, what validation feeds has taught nobody
     counts = run.episodes >= run.total or not (in_stage1 and run.hp.stage2_episodes)
     run.progress.sums.clear()
-    run.progress.validated = run.episodes
+    run.progress.validated, run.progress.border = run.episodes, ends
+    bar.total = run.total
     if counts and cf_sr > run.best:
         run.best = cf_sr
         run.save(BEST)
 
 
-def _log(run: Run, bar: tqdm) -> dict[str, float]:
+def _log(run: Run, bar: tqdm, judges: bool) -> dict[str, float]:
     sums = defaultdict(float, run.progress.sums)
     ended, updates = max(1.0, sums["ended"]), max(1.0, sums["updates"])
-    tested = run.validate()
+    tested = run.validate() | (run.judge_predictor() if judges else {})
     figures = {
         "episodes": run.episodes, "steps": run.steps,
         "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9), "cpu_s": run.cpu_s,
@@ -231,9 +243,10 @@ def _log(run: Run, bar: tqdm) -> dict[str, float]:
         **tested,
     }  # fmt: skip
     run.log.add(figures)
+    foresight = f" p_hat AUC {figures['predictor_auc']:.3f}" if "predictor_auc" in figures else ""
     bar.set_postfix_str(
         f"{figures['steps_per_s']:,.0f} steps/s, {figures['memory_mb']:,.0f} MB | "
         f"SR {figures['sr']:.2f} CF-SR {figures['cf_sr']:.2f} | validation "
-        f"SR {figures['validation_sr']:.2f} CF-SR {figures['validation_cf_sr']:.2f}"
+        f"SR {figures['validation_sr']:.2f} CF-SR {figures['validation_cf_sr']:.2f}" + foresight
     )
     return figures

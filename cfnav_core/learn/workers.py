@@ -17,7 +17,7 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -224,7 +224,9 @@ class Workers:
         # forked from one process that has imported everything: 32 of them start at once
         context = mp.get_context("forkserver")
         context.set_forkserver_preload([__name__, "torch._dynamo"])  # which optimizers import
-        options, known = self.run.options, self.run.knowledge
+        # E_1 is that of a stage one that was given
+        run = replace(self.run.options.run, hyperparameters=self.run.hp)
+        options, known = replace(self.run.options, run=run), self.run.knowledge
         try:
             with _signals_held():
                 for k in range(options.workers):

@@ -138,6 +138,40 @@ def test_a_killed_run_ends_like_one_that_was_not(scenes, whole, tmp_path, kills)
     assert_same(tmp_path, whole)
 
 
+def by_rule(scenes: Path, out: Path) -> TrainOptions:
+    """A stage one that validations end: after its best one, and before its most."""
+    return options(scenes, out, stage1_most=600, stage1_rise=0.1, stage1_patience=1)
+
+
+@pytest.fixture(scope="module")
+def whole_by_rule(scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("by_rule")
+    train(by_rule(scenes, out))
+    stage1 = load_tensors(out / STAGE1)[1]["stage1"]
+    assert 120 < stage1["ended"] < 600
+    assert stage1["frozen"][0] < stage1["ended"]  # an earlier predictor comes back
+    return out
+
+
+@pytest.mark.parametrize(
+    "kills",
+    [
+        # while a best predictor is kept that is not the present one
+        [("validation", 2, True), ("round", 5, True), ("line", 2, False)],
+        # at the end of stage one: before and after its checkpoint, before and after its copy
+        [("stage1", 1, False), ("stage1", 1, True), ("round", 2, True)],
+    ],
+)
+def test_a_killed_run_under_the_rule_ends_like_one_that_was_not(
+    scenes, whole_by_rule, tmp_path, kills
+):
+    chosen = by_rule(scenes, tmp_path)
+    for moment in kills:
+        kill(chosen, *moment)
+    train(chosen)
+    assert_same(tmp_path, whole_by_rule)
+
+
 def test_a_kill_in_the_last_validation_loses_nothing(scenes, tmp_path):
     chosen = options(scenes, tmp_path / "killed", stage2=0)
     chosen = replace(chosen, validation_every=1000)
