@@ -226,17 +226,16 @@ _COMMAND = {
     "cmd_rival": _stops("base check", "one node must drive", refused=True),
     "cmd_loss_30": _rides("the next command comes 0.05 s later, the base holds one for 0.5 s"),
     "cmd_late_0.2": _rides("less exact, but the motion is closed on odometry"),
+    "cmd_late_0.35": _stops("late 0.35", "beyond the limit of 0.3 s: two motions begin late"),
     **{
-        f"cmd_late_{late}": (
-            DEGRADES,
-            DEGRADES,
-            DEGRADES,
+        f"cmd_late_{late}": _stops(
+            f"late {late}",
             "a base that does not begin is told to stand before much is queued; what comes late "
-            "ends the drive, or motions without progress do",
+            "ends the drive",
         )
         for late in ("0.5", "1", "2")
     },
-    "cmd_late_10": _stops("stall", "nothing is done in time: motions without progress end it"),
+    "cmd_late_10": _stops("late 10", "nothing is done in time: motions without progress end it"),
     "cmd_cut_1": (
         DEGRADES,
         DEGRADES,
@@ -324,9 +323,6 @@ CHANGED = {
             "odom_slow_3",
             "odom_stamp_back",
             "hazards_lost_once",
-            "cmd_late_0.5",
-            "cmd_late_1",
-            "cmd_late_2",
             "cmd_cut_1",
         ),
         "3de714a: added with the fault",
@@ -341,6 +337,10 @@ CHANGED = {
         ("odom_drift_ahead", "odom_drift_back"),
         "74351f9: added with the fault; 21af8be: drifts twice as fast, bounded from the next "
         "odometry on",
+    ),
+    **dict.fromkeys(
+        ("cmd_late_0.5", "cmd_late_1", "cmd_late_2"),
+        "3de714a: added with the fault",
     ),
     "cmd_late_10": "3de714a: added with the fault; 7344ed1: was degrade, but nothing is done in "
     "time",
@@ -378,6 +378,7 @@ NAMES_CAUSE = {
     "hazards": "bump|hazard",
     "wheels": "power|motions failed",
     "dock_silent": "dock|motions failed",
+    "cmd_late": "s late what it was told|come late",
     "cmd": "cmd_vel|late|motions failed|moves",
     "network": "",
     "clock": "time|clock|old|future|jumped",
