@@ -60,6 +60,8 @@ class RunRecord:
     terms: dict[str, Any]
     reaction: str
     stop_s: float | None
+    end_s: float | None
+    """From the fault to the goal's end; None while it lasts."""
     last_motion: str
     as_expected: bool
     contacts: int
@@ -77,6 +79,7 @@ class CellRun:
         self.goal = GOALS[cell.phase]
         self.fault_s = math.inf
         self.broken = False
+        self._ended_s = math.inf
         self._handle: Any = None
         self._result: Any = None
         self._client: PassingClient | None = None
@@ -119,6 +122,7 @@ class CellRun:
             terms=cell.terms,
             reaction=judged.reaction.value,
             stop_s=judged.stop_s,
+            end_s=round(seen.ended_s - seen.fault_s, 3) if seen.outcome else None,
             last_motion=judged.last_motion.value,
             as_expected=judged.as_expected,
             contacts=judged.contacts,
@@ -183,17 +187,15 @@ class CellRun:
     def _watch(self) -> None:
         rig, bound = self.rig, self.cell.bound_s or 0.0
         stays = self.cell.reaction in (Reaction.STOP, Reaction.DEGRADE)
-        patience = WATCH_S if stays else LONG_WATCH_S
-        ended_at: list[float] = []
+        patience = max(WATCH_S if stays else LONG_WATCH_S, bound + AFTER_S)
 
         def over() -> bool:
             # The newest sample, not the time since: what nobody told of cannot be judged.
             now = rig.truth[-1].t
             t = now - self.fault_s
-            if self._result is not None and self._result.done() and not ended_at:
-                ended_at.append(now)
-            if ended_at:
-                return now > max(ended_at[0], self.fault_s + bound) + AFTER_S
+            if self._result is not None and self._result.done():
+                self._ended_s = min(self._ended_s, now)
+                return now > max(self._ended_s, self.fault_s + bound) + AFTER_S
             silenced = self.cell.fault.startswith("policy_") and t > bound + 3 * AFTER_S
             ridden = t > bound + AFTER_S and rode(self._seen())
             return silenced or ridden or t > patience
@@ -211,4 +213,5 @@ class CellRun:
             outcome=result.outcome if result else "",
             message=result.message if result else "",
             vetoes=sum(decision.vetoed for decision in self.rig.decisions),
+            ended_s=self._ended_s,
         )

@@ -232,17 +232,16 @@ _COMMAND = {
     "cmd_rival": _stops("base check", "one node must drive", refused=True),
     "cmd_loss_30": _rides("the next command comes 0.05 s later, the base holds one for 0.5 s"),
     "cmd_late_0.2": _rides("less exact, but the motion is closed on odometry"),
+    "cmd_late_0.35": _stops("late 0.35", "beyond the limit of 0.3 s: two motions begin late"),
     **{
-        f"cmd_late_{late}": (
-            DEGRADES,
-            DEGRADES,
-            DEGRADES,
+        f"cmd_late_{late}": _stops(
+            f"late {late}",
             "a base that does not begin is told to stand before much is queued; what comes late "
-            "ends the drive, or motions without progress do",
+            "ends the drive",
         )
         for late in ("0.5", "1", "2")
     },
-    "cmd_late_10": _stops("stall", "nothing is done in time: motions without progress end it"),
+    "cmd_late_10": _stops("late 10", "nothing is done in time: motions without progress end it"),
     "cmd_cut_1": (
         DEGRADES,
         DEGRADES,
@@ -329,9 +328,6 @@ CHANGED = {
             "odom_slow_8",
             "odom_slow_3",
             "odom_stamp_back",
-            "cmd_late_0.5",
-            "cmd_late_1",
-            "cmd_late_2",
             "cmd_cut_1",
         ),
         "f68006b: added with the fault",
@@ -350,8 +346,13 @@ CHANGED = {
         "f68006b: added with the fault; f68006b: drifts twice as fast, bounded from the next "
         "odometry on",
     ),
+    **dict.fromkeys(
+        ("cmd_late_0.5", "cmd_late_1", "cmd_late_2"),
+        "f68006b: added with the fault; 7714b2f: was degrade without a bound and with any sentence",
+    ),
+    "cmd_late_0.35": "7714b2f: added with the fault",
     "cmd_late_10": "f68006b: added with the fault; f68006b: was degrade, but nothing is done in "
-    "time",
+    "time; 7714b2f: bounded until what is queued has been done, with a sentence that names it",
 }
 """Faults whose expectation was changed after measurements had begun: commit and reason."""
 
@@ -387,6 +388,7 @@ NAMES_CAUSE = {
     "hazards": "bump|hazard",
     "wheels": "power|motions failed",
     "dock_silent": "dock|motions failed",
+    "cmd_late": "s late what it was told|come late",
     "cmd": "cmd_vel|late|motions failed|moves",
     "network": "",
     "clock": "time|clock|old|future|jumped",

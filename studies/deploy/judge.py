@@ -94,6 +94,7 @@ class ObservedRun:
         outcome: of the goal; empty while it lasts.
         message: the sentence with it.
         vetoes: MoveAheads that were decided and forbidden after the fault began.
+        ended_s: simulated time at which the goal ended; infinite while it lasts.
     """
 
     truth: Sequence[TruthSample]
@@ -102,6 +103,7 @@ class ObservedRun:
     outcome: str
     message: str
     vetoes: int
+    ended_s: float = math.inf
 
 
 class LastMotion(Enum):
@@ -235,7 +237,8 @@ def _last(seen: Sequence[MotionSeen]) -> LastMotion:
 def _told(run: ObservedRun, expected: Expectation) -> bool:
     """Whether the goal ended as it should, with a sentence that names the cause; or goes on."""
     if expected.ends or expected.reaction is Reaction.REFUSE:
-        return run.outcome in ENDED and _names_cause(run, expected)
+        in_time = expected.end_s is None or run.ended_s - run.fault_s <= expected.end_s
+        return run.outcome in ENDED and in_time and _names_cause(run, expected)
     if expected.reaction is Reaction.RIDE_THROUGH:
         return not run.outcome
     if run.outcome == "step_limit":  # a way that stays closed is asked for again and again

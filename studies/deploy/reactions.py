@@ -74,7 +74,20 @@ BRAKING_S[WAITING] = BRAKING_S[DRIVING]  # a MoveAhead may begin before the limi
 REFLEX_S = BACK_OFF_M[1] / -BACK_OFF_SPEED + 2 * -BACK_OFF_SPEED / _BASE.wheel_acceleration
 """How long the base backs off by itself from what it has bumped into, s; it heeds nobody then."""
 
+TOLD_S = 5.0
+"""For how long after a fault a base whose commands come late is told to move, at most, s: the rest
+of a MoveAhead and the beginnings of two more, or three motions without progress, and the looks
+between them."""
+
+TILTS_S = 4.0
+"""Before a base that waits is told to move, s: the camera tilts three times."""
+
 LIMITS_S = {
+    **{
+        name.removeprefix("cmd_").replace("_", " "): TOLD_S + fault.delay
+        for name, fault in FAULTS.items()
+        if name.startswith("cmd_late_")
+    },
     "odometry": _EPISODE.ages.odometry,
     "estimate": _EPISODE.ages.estimate,
     "picture": _EPISODE.ages.frame,
@@ -148,8 +161,25 @@ class Expectation:
         """Seconds from the fault to the end of what is bounded; None without a limit."""
         if not self.limit:
             return None
+        return self._after(LIMITS_S[self.limit])
+
+    @property
+    def end_s(self) -> float | None:
+        """Seconds from the fault to the episode's end; None where only the motions are bounded.
+
+        What comes later than a second is not waited for: three motions without progress end it.
+        """
+        if not self.limit.startswith("late "):
+            return None
+        soonest = min(LIMITS_S[self.limit], TOLD_S + 1.0)
+        return self._after(soonest) + _EPISODE.stop_time + TRANSPORT_S
+
+    def _after(self, detected_s: float) -> float:
+        """When the base is at rest if a fault is detected after so many seconds."""
         ours = 0.0 if self.limit == "base" else CONTROL_S
-        return LIMITS_S[self.limit] + ours + TRANSPORT_S + BRAKING_S[self.phase]
+        tilts = self.limit.startswith("late ") and self.phase is FaultPhase.WAITING
+        before = TILTS_S if tilts else 0.0
+        return before + detected_s + ours + TRANSPORT_S + BRAKING_S[self.phase]
 
     @property
     def ends(self) -> bool:
@@ -167,12 +197,13 @@ class Expectation:
         """Whether half of the runs are made before a wall, which who drives on blind would touch.
 
         Faults of the scan, the estimate and of processes, and late commands, while driving. Not
-        where two whole motions must finish, or may.
+        where two whole motions must finish, or may, or where two must begin late.
         """
         first = self.fault.partition("_")[0]
         source = first in ("scan", "estimate", "lidar", "policy", "goal") or "_late_" in self.fault
         rides = self.reaction is Reaction.RIDE_THROUGH or self.may_ride
-        return source and self.phase is FaultPhase.DRIVING and not rides
+        two = rides or self.limit == "late 0.35"
+        return source and self.phase is FaultPhase.DRIVING and not two
 
     @property
     def terms(self) -> dict[str, Any]:
@@ -184,6 +215,7 @@ class Expectation:
             "bound_s": None if self.bound_s is None else round(self.bound_s, 3),
             "ends": self.ends,
             "may_ride": self.may_ride,
+            **({"end_s": round(self.end_s, 3)} if self.end_s is not None else {}),
         }
 
     def met_by(self, found: Reaction) -> bool:

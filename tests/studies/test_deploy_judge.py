@@ -56,7 +56,8 @@ def test_every_expectation_has_a_reason_and_every_stop_a_bound():
         assert expected.reason
         assert expected.limit in ("", *LIMITS_S)
         if expected.reaction is Reaction.STOP:
-            assert 0.2 < expected.bound_s < WATCH_S - AFTER_S
+            assert expected.bound_s > 0.2
+            assert expected.end_s or expected.bound_s < WATCH_S - AFTER_S
         if expected.reaction in (Reaction.REFUSE, Reaction.RIDE_THROUGH):
             assert expected.bound_s is None
         assert any(expected.fault.startswith(begin) for begin in NAMES_CAUSE)
@@ -93,6 +94,17 @@ def test_bounds_against_numbers_worked_out_by_hand():
         0.5 + 0.05 + 0.1165 / 0.9
     )
     assert cell("odom_silent", FaultPhase.WAITING).bound_s == pytest.approx(0.25 + 0.1 + 0.2 / 0.9)
+
+
+def test_late_commands_are_bounded_until_what_is_queued_has_been_done():
+    for fault, late in (("cmd_late_0.35", 0.35), ("cmd_late_2", 2.0), ("cmd_late_10", 10.0)):
+        found = cell(fault, FaultPhase.DRIVING)
+        assert (found.reaction, found.ends) == (Reaction.STOP, True)
+        assert found.bound_s == pytest.approx(5.0 + late + 0.1 + 0.2 / 0.9)
+        assert found.end_s == pytest.approx(5.0 + min(late, 1.0) + 0.1 + 0.2 / 0.9 + 0.5 + 0.05)
+        assert cell(fault, FaultPhase.WAITING).bound_s == pytest.approx(found.bound_s + 4.0)
+        assert found.before_wall is (late > 0.35)
+    assert cell("odom_silent", FaultPhase.DRIVING).end_s is None
 
 
 # The judge
@@ -199,6 +211,27 @@ def test_where_only_drives_are_bounded_the_end_of_a_turn_is_no_measured_stop():
     assert turned.as_expected
     drove = judged(drive((0.5, 0.2, 0.0)), "scan_all_inf", FaultPhase.TURNING, message=told)
     assert drove.stop_s == pytest.approx(0.3, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("message", "ended_s", "collisions", "expected"),
+    [
+        ("The base did 1.0 s late what it was told (limit 0.3 s).", 2.5, 0, True),
+        ("3 motions failed: The base has not moved: its commands come late.", 2.5, 0, True),
+        ("3 motions failed: MoveAhead made no progress for 1 s.", 2.5, 0, False),
+        ("The base moved by itself 8 times.", 2.5, 0, False),
+        ("The base did 1.0 s late what it was told (limit 0.3 s).", 9.0, 0, False),
+        ("The base did 1.0 s late what it was told (limit 0.3 s).", 2.5, 1, False),
+        ("", math.inf, 0, False),
+    ],
+)  # fmt: skip
+def test_late_commands_end_the_goal_in_time_with_a_sentence_of_lateness(
+    message, ended_s, collisions, expected
+):
+    truth = drive((0.6, 0.2, 0.0), PAUSE, (0.6, 0.2, 0.0), collisions=collisions)
+    outcome = "aborted" if message else ""
+    run = ObservedRun(truth, 10.2, math.inf, outcome, message, 0, 10.2 + ended_s)
+    assert judge(run, cell("cmd_late_1", FaultPhase.DRIVING)).as_expected is expected
 
 
 def test_a_refusal_is_one_without_motion():

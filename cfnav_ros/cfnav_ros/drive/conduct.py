@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from cfnav_ros.drive.disturbance import Standing
 from cfnav_ros.drive.inputs import SensorInputs
-from cfnav_ros.drive.lag import Lag
+from cfnav_ros.drive.lag import CLEAR_S, Lag
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import Command, Motion, Status
 from cfnav_ros.drive.track import Track
@@ -34,7 +34,7 @@ class Conduct:
         self._standing = Standing()
         self._lag = Lag(limits.command_lag)
         self._begun = NEVER
-        self._failed_motions = self._stalls = self._lags = 0
+        self._failed_motions = self._stalls = 0
 
     def start(self, t: float, inputs: SensorInputs) -> None:
         """The episode drives from now on; what was reported before is old."""
@@ -81,14 +81,18 @@ class Conduct:
         """Keep account of motions that failed in a row; too many are the end."""
         self.stands_from = t
         limits = self._limits
-        if status is Status.SUCCEEDED:
-            self._lags = 0
         self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
         self._stalls = self._stalls + 1 if status is Status.STALLED else 0
+        reason = motion.reason
+        if status is Status.STALLED and (silence := self._lag.silence(t)):
+            reason = (
+                f"The base has not moved {silence:.1f} s after it was told to: its commands come "
+                "late or are lost, or it cannot move."
+            )
         if self._stalls >= limits.max_stalls:
-            return f"{self._stalls} motions failed: {motion.reason}"
+            return f"{self._stalls} motions failed: {reason}"
         if self._failed_motions >= limits.max_failed_motions:
-            return f"{self._failed_motions} motions failed: {motion.reason}"
+            return f"{self._failed_motions} motions failed: {reason}"
         return self._pushed(t) if status is Status.PUSHED else ""
 
     def _late(self, late: float, motion: Motion | None) -> str:
@@ -96,10 +100,10 @@ class Conduct:
             f"The base did {late:.1f} s late what it was told (limit {self._limits.command_lag:g} "
             "s): its commands wait somewhere on the way, such as in its relay or in a busy network."
         )
-        self._lags += 1
         if motion:
             motion.block(reason, Status.STALLED)
-        return reason if self._lags >= self._limits.max_lags else ""
+        clear = late > self._limits.command_lag + CLEAR_S
+        return reason if clear or self._lag.motions >= self._limits.max_lags else ""
 
     def _pushed(self, t: float) -> str:
         """The base moved by itself: what was seen before is of another place."""

@@ -44,7 +44,11 @@ class EpisodeLimits:
     )
     max_stalls: int = setting(3, "motions in a row without progress: the base is stuck", 1, 1000)
     command_lag: float = setting(
-        0.3, "by which the base may do late what it is told, s; 0: any time", 0.0, 10.0
+        0.3,
+        "by which the base may do late what it is told, s; 0: any time. 0.1 s more ends the drive "
+        "at once, less in max_lags motions in a row",
+        0.0,
+        10.0,
     )
     max_lags: int = setting(2, "motions in a row that began or ended later than that", 1, 100)
     max_pushes: int = setting(8, "times that the base may move by itself in an episode", 1, 1000)

@@ -39,6 +39,7 @@ RESENT_S = 3.0
 for reliable delivery; nobody else ever hears of it."""
 SLOW_PICTURES_HZ = 2.0
 LOST_COMMANDS = 0.3
+LATE_COMMANDS_S = (0.2, 0.35, 0.5, 1.0, 2.0, 10.0)
 
 Alter = Callable[[Any, float], Any]
 """Message and time of its making -> the message to send, None for none."""
@@ -313,7 +314,7 @@ _COMMAND = {
     "cmd_type": Fault(),
     "cmd_rival": Fault(),
     "cmd_loss_30": Fault((COMMANDS,), lossy(LOST_COMMANDS)),
-    **{f"cmd_late_{s:g}": Fault((COMMANDS,), delay=s) for s in (0.2, 0.5, 1.0, 2.0, 10.0)},
+    **{f"cmd_late_{s:g}": Fault((COMMANDS,), delay=s) for s in LATE_COMMANDS_S},
     "cmd_cut_1": Fault((COMMANDS,), silent, lasts=1.0),
     "network_cut_1": Fault((EVERYTHING,), silent, lasts=1.0),
 }

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from concurrent.futures import Future
 
 import pytest
@@ -192,7 +193,11 @@ def test_a_base_that_never_moves_ends_the_episode():
     episode, _ = episode_of(*[Action.RotateLeft] * 50)
     robot.run(episode)
     assert episode.outcome == "aborted"
-    assert episode.message == "3 motions failed: RotateLeft made no progress for 1 s."
+    told_at = next(t for t, command in robot.commands if command.w)
+    began, named, rest = re.split(r" (\S+) s ", episode.message, maxsplit=1)
+    assert began == "3 motions failed: The base has not moved"
+    assert float(named) == pytest.approx(robot.t - 0.5 - told_at, abs=0.15)
+    assert rest == "after it was told to: its commands come late or are lost, or it cannot move."
 
 
 def test_a_camera_that_does_not_tilt_ends_the_episode():

@@ -222,6 +222,7 @@ def test_lost_messages(fault, topic, kept):
         ("scan_late_0.2", SCAN, 0.2), ("scan_late_0.5", SCAN, 0.5), ("scan_late_1", SCAN, 1.0),
         ("scan_late_5", SCAN, 5.0), ("image_late_0.5", IMAGE, 0.5), ("image_late_2", IMAGE, 2.0),
         ("odom_late_0.5", ODOM, 0.5), ("odom_late_0.5", TF, 0.5), ("cmd_late_0.2", "cmd_vel", 0.2),
+        ("cmd_late_0.35", "cmd_vel", 0.35), ("cmd_late_10", "cmd_vel", 10.0),
         ("depth_late_2", DEPTH, 2.0), ("depth_late_2", DEPTH_INFO, 2.0),
     ],
 )  # fmt: skip
