@@ -93,9 +93,9 @@ def _in_full(text: str, furniture: Sequence[str]) -> list[str]:
 
 
 def _rooms(text: str) -> list[tuple[str, int]]:
-    kind, _, rest = text.partition(":")
+    kind, colon, rest = text.partition(":")
     name = type_of(kind)
-    if name in SPLITS and furniture_of(kind) in FURNITURE and (not rest or rest in SPLITS[name]):
+    if name in SPLITS and furniture_of(kind) in FURNITURE and (not colon or rest in SPLITS[name]):
         seeds = SPLITS[name][rest] if rest else sorted(chain(*SPLITS[name].values()))
         return [(of_furniture(k, furniture_of(kind)), seed) for k in ROOM_TYPES for seed in seeds]
     first, dash, last = rest.partition("-")
