@@ -78,8 +78,8 @@ def restamp(folder: Path) -> str:
     if changed := changed_files(folder, head["sha256"]):
         return f"damaged: {', '.join(changed)}"
     scene = OfflineScene.load(folder)
-    world = World(generate_room(*parse_room(scene.name)))
     camera = scene.camera or MAST
+    world = World(generate_room(*parse_room(scene.name)), camera.on_mast)
     grid = state_grid(world, camera.horizons)
     for name in ("next_state", "collided", "positions", "position", "heading", "horizon"):
         if not np.array_equal(getattr(scene, name), getattr(grid, name)):

@@ -17,6 +17,9 @@ from typing import Any
 FOV_TOLERANCE_DEG = 4.0
 """Fields of view this near are one camera's: calibrations of one lens differ by a degree or two."""
 
+TURTLEBOT4_TOP_M = 0.351
+"""Height of the standard TurtleBot 4 (turtlebot4_description)."""
+
 ASPECT_TOLERANCE = 0.02
 """Relative difference of width over height up to which pictures have one shape."""
 
@@ -64,6 +67,11 @@ class CameraSetUp:
     def tilts(self) -> bool:
         """Whether it looks from more than one horizon."""
         return len(self.horizons) > 1
+
+    @property
+    def on_mast(self) -> bool:
+        """Whether it sits on a mast: above all that a TurtleBot 4 has as it is sold."""
+        return self.z > TURTLEBOT4_TOP_M
 
     @property
     def focal_share(self) -> tuple[float, float]:

@@ -34,7 +34,7 @@ def views_of_rooms(
     from sim_bridge.world.world import World
 
     for kind, seed in parse_rooms(rooms):
-        world = World(generate_room(kind, seed))
+        world = World(generate_room(kind, seed), set_up.on_mast)
         names = [thing.name for thing in world.room.objects]
         with Camera(world, set_up) as camera:
             grid = state_grid(world, set_up.horizons)

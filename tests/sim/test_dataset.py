@@ -44,7 +44,7 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     run(replace(options, visual_shift=1.0))
     dark = OfflineScene.load(tmp_path / "bathroom_00000")
     dark_features = np.array(dark.features)
-    world = World(generate_room("bathroom", 0))
+    world = World(generate_room("bathroom", 0), mast=False)
     grid, observe = state_grid(world, set_up.horizons), OnnxPerception(perception)
     with Camera(world, set_up) as camera:
         picture = BUILT_IN.preprocess(shifted(camera.rgb(grid.pose(7)), 1.0))
@@ -157,3 +157,10 @@ def test_no_gl_library_is_one_sentence(tmp_path, perception):
     assert done.returncode == 2
     assert "apt-get install libosmesa6" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_camera_below_the_robots_top_needs_no_mast_and_drives_under_tables():
+    assert [name for name, camera in CAMERAS.items() if camera.on_mast] == ["mast"]
+    room = generate_room("living_room", 230)
+    low, high = (state_grid(World(room, mast)) for mast in (False, True))
+    assert len(low.positions) > len(high.positions)

@@ -165,7 +165,7 @@ def _render(kind: str, seed: int, look: Look, percept: Percept) -> tuple[Offline
     from sim_bridge.world.grid import state_grid
     from sim_bridge.world.world import World
 
-    world = World(generate_room(kind, seed))
+    world = World(generate_room(kind, seed), look.camera.on_mast)
     grid = state_grid(world, look.camera.horizons)
     states, objects = len(grid.next_state), percept.objects
     pictures = np.empty((states, *percept.size, 3), np.uint8)
@@ -235,7 +235,7 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
     from sim_bridge.world.grid import state_grid
     from sim_bridge.world.world import World
 
-    world = World(generate_room(kind, seed))
+    world = World(generate_room(kind, seed), look.camera.on_mast)
     grid = state_grid(world, look.camera.horizons)
     objects = world.room.objects
     category = np.array(

@@ -49,8 +49,9 @@ class GoalOptions:
         cameras = {name: CameraSetUp.read(name) for name in self.camera or CAMERAS}
         found: dict[str, list[Sightings]] = {name: [] for name in cameras}
         for kind, seed in tqdm(rooms, unit="room", mininterval=2.0):
-            world = World(generate_room(kind, seed))
+            room = generate_room(kind, seed)
             for name, set_up in cameras.items():
+                world = World(room, set_up.on_mast)
                 with Camera(world, set_up) as camera:
                     grid = state_grid(world, set_up.horizons)
                     found[name].append(sightings(world, camera, grid))

@@ -87,7 +87,7 @@ def draw(room: Room, views: int, camera: CameraSetUp, side: int) -> Iterator[np.
     goals = ", ".join(room.goals)
     lines = [goals[i : i + width // 6] for i in range(0, len(goals), width // 6)]
     yield labelled(first, f"{room.name}  {room.width:.1f} x {room.depth:.1f} m", *lines)
-    world = World(room)
+    world = World(room, camera.on_mast)
     with Camera(world, camera) as look:
         for pose in good_poses(world, look, views):
             rgb = cv2.resize(look.rgb(pose), (width, side), interpolation=cv2.INTER_AREA)

@@ -73,16 +73,16 @@ def turns(
     from sim_bridge.world.grid import state_grid
     from sim_bridge.world.world import World
 
-    world = World(generate_room(kind, seed))
-    horizons = (scene.camera or MAST).horizons
-    grid = state_grid(world, horizons)
+    camera = scene.camera or MAST
+    world = World(generate_room(kind, seed), camera.on_mast)
+    grid = state_grid(world, camera.horizons)
     if not np.array_equal(grid.next_state, scene.next_state):
         raise ValueError(
             f"found a scene of {scene.name} made by another version; make it again with "
             f"cfnav rooms make --rooms {scene.name}"
         )
     errors = Noise(NoiseLevels().scaled(noise), seed)
-    level = range(0, scene.num_states, len(horizons))[
+    level = range(0, scene.num_states, len(camera.horizons))[
         :most
     ]  # the LiDAR does not tilt with the camera
     return np.stack([standing_turn(world, errors, pose=grid.pose(state)) for state in level])

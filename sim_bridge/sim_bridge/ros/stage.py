@@ -123,7 +123,8 @@ class SimulatorStage:
 
     def _build(self, room: str) -> tuple[World, Camera, Camera | None]:
         """A room, the camera in it and the stereo camera, where there is one."""
-        world, set_up = World(generate_room(*parse_room(room))), self._parameters.set_up
+        set_up = self._parameters.set_up
+        world = World(generate_room(*parse_room(room)), set_up.on_mast)
         depth = Camera(world, self._parameters.stereo_set_up) if self._parameters.depth else None
         return world, Camera(world, set_up), depth
 

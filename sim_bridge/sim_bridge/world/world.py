@@ -14,7 +14,7 @@ from sim_bridge.world import gl  # noqa: F401  (chooses the back end before mujo
 
 import mujoco as mj  # isort: skip
 
-from cfnav_core.task.camera import MAST
+from cfnav_core.task.camera import MAST, TURTLEBOT4_TOP_M
 from sim_bridge.room.parts import Part
 from sim_bridge.room.room import Room
 from sim_bridge.world.groups import (
@@ -30,7 +30,7 @@ from sim_bridge.world.model_parts import add_model
 
 HULL_RADIUS = 0.175
 """Robot radius, metres: Nav2's ``robot_radius`` for the TurtleBot 4 (its shell has 0.164)."""
-HULL_BOTTOM, HULL_TOP = 0.01, 0.351
+HULL_BOTTOM, HULL_TOP = 0.01, TURTLEBOT4_TOP_M
 MAST_RADIUS, MAST_TOP = 0.03, 1.33
 LARGEST_PICTURE = 1080
 """Pixels, either way; MuJoCo draws no larger one than the buffer that is set aside."""

