@@ -340,10 +340,11 @@ CHANGED = {
     ),
     **dict.fromkeys(
         ("cmd_late_0.5", "cmd_late_1", "cmd_late_2"),
-        "3de714a: added with the fault",
+        "3de714a: added with the fault; 7714b2f: was degrade without a bound and with any sentence",
     ),
+    "cmd_late_0.35": "7714b2f: added with the fault",
     "cmd_late_10": "3de714a: added with the fault; 7344ed1: was degrade, but nothing is done in "
-    "time",
+    "time; 7714b2f: bounded until what is queued has been done, with a sentence that names it",
 }
 """Faults whose expectation was changed after measurements had begun: commit and reason."""
 
