@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from cfnav_ros.drive.motion import STOP, Command, Odometry
 
-CLEAR_S = 0.05
+CLEAR_S = 0.1
 """A lag that is this much beyond the limit needs no second one: 0.3 s of delay never showed as much
 (``docs/deployment.md``)."""
 

@@ -45,7 +45,7 @@ class EpisodeLimits:
     max_stalls: int = setting(3, "motions in a row without progress: the base is stuck", 1, 1000)
     command_lag: float = setting(
         0.3,
-        "by which the base may do late what it is told, s; 0: any time. 0.05 s more ends the drive "
+        "by which the base may do late what it is told, s; 0: any time. 0.1 s more ends the drive "
         "at once, less in max_lags motions in a row",
         0.0,
         10.0,
