@@ -76,7 +76,8 @@ def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
         assert bag["path_length_m"] == pytest.approx(live["path_length_m"], abs=0.02, rel=0.02)
         for name in ("goal", "outcome", "success", "collisions", "cf_success", "steps"):
             assert bag[name] == live[name]
-        assert (bag["outcome"], bag["steps"]) == ("done", 7)
+        told = (out / "logs/policy_node.log").read_text()
+        assert (bag["outcome"], bag["steps"]) == ("done", 7), told
     assert sum(e["collisions"] for e in metrics["episodes"]) > 0
     assert set(metrics) >= {"sr", "spl", "cf_sr", "cf_spl", "seed", "commit", "command"}
     assert metrics["bundle"] == "eager"
