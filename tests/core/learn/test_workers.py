@@ -175,7 +175,8 @@ def test_a_killed_run_leaves_no_worker_and_goes_on(options):
     assert (tensors[key] == killed[key]).all()
     log = [json.loads(line) for line in written.read_text().splitlines()]
     assert len(log) > before
-    assert all(row["episodes"] > head["episodes"] for row in log[before:])
+    # a validation that the kill cut short is made up for: its row is of the checkpoint
+    assert all(row["episodes"] >= head["episodes"] for row in log[before:])
 
 
 @pytest.mark.parametrize(
