@@ -54,11 +54,8 @@ class DepthListener:
     def look_for_rivals(self) -> None:
         """Look who publishes depth."""
         if self.arrives and self._pictures:
-            speakers = self._pictures.speakers()
-            met = self._pictures.met
-            self._watch.publishers(speakers, met)
-            if met > 1 and len(speakers) < 2:
-                self._pictures.renew()
+            self._watch.publishers(self._pictures.speakers(), self._pictures.met)
+            self._pictures.begin_anew()
 
     def joined(self, now: float, stamp: float, estimate: Estimate) -> Estimate:
         """The LiDAR's estimate with what depth shows, see ``DepthWatch.joined``."""

@@ -141,11 +141,8 @@ class LidarCollisionNode(Node):
             self._tf = None
 
     def _look_for_rivals(self) -> None:
-        speakers = self._scans.speakers()
-        met = self._scans.met
-        self._watch.publishers(time.monotonic(), speakers, met)
-        if met > 1 and len(speakers) < 2:
-            self._scans.renew()
+        self._watch.publishers(time.monotonic(), self._scans.speakers(), self._scans.met)
+        self._scans.begin_anew()
         self._depth.look_for_rivals()
 
     def _on_second(self) -> None:

@@ -85,13 +85,20 @@ class Listener:
         """How many publishers it has ever matched, those that left included."""
         return max(_taken(event) for event in self._matched)
 
-    def renew(self) -> None:
-        """Forget who spoke before, with all that is not read yet."""
+    def begin_anew(self) -> bool:
+        """Where others have spoken and at most one is left, forget all that is not read yet.
+
+        Returns:
+            Whether that was so.
+        """
+        if self.met < 2 or len(self.speakers()) > 1:
+            return False
         for event in self._matched:
             event.destroy_when_not_in_use()
         for subscription in self._all:
             self._node.destroy_subscription(subscription)
         self._listen()
+        return True
 
 
 def _count_of(subscription: Subscription) -> Any:

@@ -23,7 +23,7 @@ from cfnav_ros.drive.inputs import CameraFrame, SensorInputs, needed
 from cfnav_ros.drive.picture_watch import PictureWatch
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import BaseCheck, explain_silence, relatives
-from cfnav_ros.robot.speakers import GUARDED, OneSpeaker, Speaker
+from cfnav_ros.robot.speakers import GUARDED, OneSpeaker
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.listener import Listener
 from cfnav_ros.ros.topics import message_type
@@ -146,10 +146,9 @@ class Senses:
 
         That the bumper is pressed is kept: whoever is left may tell of changes only.
         """
-        listener, one = self._listeners.get(name), self._guarded[name]
-        if listener is None or listener.met < 2 or len(self._speakers(one)) > 1:
+        listener = self._listeners.get(name)
+        if listener is None or not listener.begin_anew():
             return
-        listener.renew()
         self.heard.discard(name)
         blank = SensorInputs()
         arrived = {key: at for key, at in self.inputs.arrived.items() if key != name}
@@ -170,13 +169,9 @@ class Senses:
         one, listener = self._guarded[name], self._listeners.get(name)
         if not self._drives:
             one.forget()
-        # the count is asked last: whoever came before the message did is in it
-        speakers = self._speakers(one)
-        return one.look(speakers, listener.met if listener else 0)
-
-    def _speakers(self, one: OneSpeaker) -> list[Speaker]:
         infos = self._node.get_publishers_info_by_topic(one.topic)
-        return conversions.speakers(infos, one.type)
+        # the count is asked last: whoever came before the message did is in it
+        return one.look(conversions.speakers(infos, one.type), listener.met if listener else 0)
 
     def notice_base(self, base: BaseCheck) -> None:
         """Take who listens on cmd_vel, and what the graph says of inputs that never came."""
