@@ -43,11 +43,6 @@ class Detection:
     box: Box
 
 
-def grid(height: int, width: int) -> tuple[int, int]:
-    """Rows and columns of the maps of a network that takes pictures of a size, pixels."""
-    return -(-height // CELL), -(-width // CELL)
-
-
 def decode(
     shown: np.ndarray, names: Sequence[str], taken: tuple[int, int], size: tuple[int, int],
     least: float = LEAST, share: float = SHARE, between_cells: bool = True,

@@ -18,9 +18,9 @@ from typing import Any, Protocol
 import numpy as np
 from PIL import Image
 
-from cfnav_core.perception.boxes import LEAST, Detection, decode, grid
+from cfnav_core.perception.boxes import LEAST, Detection, decode
 from cfnav_core.perception.onnx_session import open_session
-from cfnav_core.perception.sight import Sight
+from cfnav_core.perception.sight import Sight, cells
 from cfnav_core.task.camera import ASPECT_TOLERANCE, MAST, CameraSetUp
 from cfnav_core.task.detections import SCORES, Fields, width
 from cfnav_core.task.vocabulary import CATEGORIES, FIRST_CATEGORIES
@@ -244,7 +244,7 @@ class OnnxPerception:
     def no_boxes(self) -> str:
         """Why it gives no boxes, one sentence; "" when it does."""
         shapes = {o.name: tuple(o.shape[1:]) for o in self._session.get_outputs()}
-        expected = len(self.gives.objects), *grid(*self.gives.size)
+        expected = len(self.gives.objects), *cells(*self.gives.size)
         if shapes.get(MAPS) == expected:
             return ""
         found = f"the output {MAPS} {list(shapes[MAPS])}" if MAPS in shapes else f"no output {MAPS}"

@@ -10,6 +10,11 @@ CELL = 8
 """Pixels of the input, either way, that a cell of the category map stands for."""
 
 
+def cells(rows: int, columns: int) -> tuple[int, int]:
+    """Rows and columns of the category map of a network that takes pictures of a size, pixels."""
+    return -(-rows // CELL), -(-columns // CELL)
+
+
 @dataclass(frozen=True)
 class Sight:
     """Sizes as rows and columns.
@@ -29,7 +34,7 @@ class Sight:
         """How the built-in network looks through a camera."""
         width, height = camera.size
         rows, columns = height // 2, width // 2
-        heat = -(-rows // CELL), -(-columns // CELL)
+        heat = cells(rows, columns)
         return cls((rows, columns), heat, (-(-heat[0] // 2), -(-heat[1] // 2)))
 
 

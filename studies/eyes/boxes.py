@@ -20,8 +20,9 @@ import onnx
 from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_file import write_json
 from cfnav_core.files.provenance import commit, sha256
-from cfnav_core.perception.boxes import LEAST, SHARE, Box, decode, grid
+from cfnav_core.perception.boxes import LEAST, SHARE, Box, decode
 from cfnav_core.perception.perception import MAPS, OnnxPerception
+from cfnav_core.perception.sight import cells
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.camera import MAST
 from cfnav_core.task.visibility import VISIBLE_PIXELS
@@ -107,7 +108,7 @@ def give_maps(path: Path, out: Path) -> None:
         raise ValueError(f"found no maps in {path}, expected a network of cfnav perception")
     network.graph.node.append(onnx.helper.make_node("Identity", [made], [MAPS]))
     gives = OnnxPerception(path).gives
-    shape: list[str | int] = ["n", len(gives.objects), *grid(*gives.size)]
+    shape: list[str | int] = ["n", len(gives.objects), *cells(*gives.size)]
     network.graph.output.append(
         onnx.helper.make_tensor_value_info(MAPS, onnx.TensorProto.FLOAT, shape)
     )

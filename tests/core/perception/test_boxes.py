@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cfnav_core.perception.boxes import Detection, decode, grid
+from cfnav_core.perception.boxes import Detection, decode
 from cfnav_core.perception.perception import OnnxPerception, PerceptionError
 from cfnav_core.perception.pictures import MARK, draw_detections
+from cfnav_core.perception.sight import cells as cells_of
 from cfnav_core.policy.bundle import shipped_perception
 from tests.core.perception.made import colour_maps
 
@@ -46,7 +47,7 @@ def test_what_reaches_the_outermost_cells_ends_with_the_picture() -> None:
 
 
 def test_cells_that_are_more_than_the_picture_stand_out_on_both_sides() -> None:
-    cells = np.zeros(grid(36, 44))
+    cells = np.zeros(cells_of(36, 44))
     assert cells.shape == (5, 6)
     cells[2, 2] = 1.0
     (mug,) = decode(cells[None], ("Mug",), (36, 44), (44, 36))
