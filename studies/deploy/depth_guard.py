@@ -68,7 +68,7 @@ class GuardConfig:
     out: Path = Path("out/bench")
     """Folder of depth_guard.json."""
     camera: str = "mast"
-    """Of ``cfnav_core.task.camera.CAMERAS``; only "mast" has a mast."""
+    """Of ``cfnav_core.task.camera.CAMERAS``."""
     pitch: float = math.nan
     """Degrees, up positive, of a depth camera that does not tilt with the other; nan: it does."""
     n: int = 8_000
@@ -100,7 +100,7 @@ class Decision:
 class Eyes:
     """Scan and depth of a simulated robot, judged as the node judges them."""
 
-    def __init__(self, robot: SimulatedRobot, set_up: CameraSetUp, mast: bool) -> None:
+    def __init__(self, robot: SimulatedRobot, set_up: CameraSetUp) -> None:
         self._robot, self._set_up = robot, set_up
         stereo_set_up = stereo.set_up_of(set_up)
         self.camera = Camera(robot.simulator.world, stereo_set_up)
@@ -108,7 +108,9 @@ class Eyes:
         self._calibration = Pinhole(
             fx * wide, fy * high, (wide - 1) / 2, (high - 1) / 2, wide, high, OPTICAL
         )
-        self._parameters = replace(DepthParameters(), mast_height=1.3 if mast else 0.0)
+        self._parameters = replace(
+            DepthParameters(), mast_height=set_up.z if set_up.on_mast else 0.0
+        )
         self.now, self.tilt = 0.0, set_up.horizons[0]
         self.begin()
 
@@ -160,7 +162,7 @@ def mounted(config: GuardConfig) -> CameraSetUp:
 
 
 def decisions(
-    kind: str, seed: int, count: int, set_up: CameraSetUp, mast: bool, plain: float
+    kind: str, seed: int, count: int, set_up: CameraSetUp, plain: float
 ) -> Iterator[Decision]:
     """Let a robot wander through a room and judge every MoveAhead that it might make.
 
@@ -168,16 +170,15 @@ def decisions(
         kind, seed: of the room.
         count: decisions.
         set_up: of the camera that depth is taken beside.
-        mast: whether the robot has one.
         plain: see ``GuardConfig``.
     """
     room = generate_room(kind, seed)
     room = replace(room, parts=tuple(part for part in room.parts if part.solid))
-    world = World(room, mast)
-    plane = World(replace(room, parts=tuple(filter(crosses_plane, room.parts))), mast)
+    world = World(room, set_up.on_mast)
+    plane = World(replace(room, parts=tuple(filter(crosses_plane, room.parts))), set_up.on_mast)
     robot = SimulatedRobot(world, Noise(replace(NoiseLevels(), plain=plain), seed))
     rng, positions = np.random.default_rng([seed, count]), state_grid(world).positions.astype(float)
-    eyes, veto = Eyes(robot, set_up, mast), EpisodeLimits().veto_probability
+    eyes, veto = Eyes(robot, set_up), EpisodeLimits().veto_probability
     with eyes.camera:
         for k in range(count):
             if k % WALK == 0:
@@ -221,19 +222,18 @@ def figures(found: list[Decision]) -> dict[str, list[float]]:
     return rows
 
 
-def seen_strip(set_up: CameraSetUp, tilt: float, mast: bool) -> dict[str, float]:
+def seen_strip(set_up: CameraSetUp, tilt: float) -> dict[str, float]:
     """How much of what the body sweeps in a MoveAhead is in one picture, and from where on.
 
     Args:
         set_up: of the camera that the stereo camera sits at.
         tilt: rad, up positive.
-        mast: whether the robot has one.
 
     Returns:
         Shares of the volumes swept by hull and mast; for each height of ``HEIGHTS_M`` the nearest
         place ahead of base_link, metres, at which it is seen.
     """
-    parameters = replace(DepthParameters(), mast_height=1.3 if mast else 0.0)
+    parameters = replace(DepthParameters(), mast_height=set_up.z if set_up.on_mast else 0.0)
     rng, found = np.random.default_rng(0), {}
     for name, part in zip(("hull", "mast"), body(parameters, SweptDisc().radius), strict=False):
         box = rng.uniform((0.0, -1.0, part.bottom), (1.0, 1.0, part.top), (200_000, 3))
@@ -266,23 +266,21 @@ def measure(config: GuardConfig) -> dict[str, Any]:
     first, last = config.seeds
     rooms = [(kind, seed) for seed in range(first, last + 1) for kind in ROOM_TYPES]
     each = -(-config.n // len(rooms))
-    set_up, mast = mounted(config), config.camera == "mast"
-    tasks = [(kind, seed, each, set_up, mast, config.plain) for kind, seed in rooms]
+    set_up = mounted(config)
+    tasks = [(kind, seed, each, set_up, config.plain) for kind, seed in rooms]
     with get_context("spawn").Pool(config.processes) as pool:
         found = [row for part in pool.imap(_room, tasks) for row in part]
     result: dict[str, Any] = {
         "decisions": len(found),
         **figures(found),
-        "view": {
-            f"{math.degrees(tilt):.0f}": seen_strip(set_up, tilt, mast) for tilt in set_up.horizons
-        },
+        "view": {f"{math.degrees(tilt):.0f}": seen_strip(set_up, tilt) for tilt in set_up.horizons},
     }
     config.out.mkdir(parents=True, exist_ok=True)
     (config.out / "depth_guard.json").write_text(json.dumps(result, indent=1) + "\n")
     return result
 
 
-def _room(task: tuple[str, int, int, CameraSetUp, bool, float]) -> list[Decision]:
+def _room(task: tuple[str, int, int, CameraSetUp, float]) -> list[Decision]:
     return list(decisions(*task))
 
 
