@@ -31,8 +31,9 @@ HELD_OUT_EVERY = 20
 ROOMS_A_BATCH = 16
 SHOWN_PIXELS = 12
 """Of an object in the cell that shows most of it, from which it counts as shown."""
-RESCAN_S = 30.0
-"""How often new sets are looked for, seconds."""
+LEAST_SETS = 4
+RESCAN_S, COMING_S = 30.0, 300.0
+"""How often new sets are looked for, and how long the next one may take, seconds."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class PerceptionOptions:
     """Where the network goes; the checkpoint lies beside it."""
     pictures: int = 2_000_000
     """Pictures seen in all."""
-    wait_for: int = 4
-    """Picture sets that must be there before it begins; others may come later."""
+    wait_for: int = 0
+    """Picture sets to wait for while they are made; 0: it begins with those that are there."""
     batch: int = 64
     """Pictures a step."""
     lr: float = 2e-3
@@ -88,23 +89,23 @@ class Shelf:
         self.training = [path for path, seed in rooms if seed % HELD_OUT_EVERY != last]
 
     def wait(self, count: int) -> None:
-        """Wait until so many sets are there.
+        """Wait until so many sets are there, one of them held out.
 
         Raises:
-            ValueError: none comes within ten times ``RESCAN_S``.
+            ValueError: fewer than ``LEAST_SETS`` are there, or the next ones do not come within
+                ``COMING_S``.
         """
-        waited = 0
-        while len(self.training) + len(self.held_out) < count or not self.held_out:
-            before = len(self.training) + len(self.held_out)
+        found, since = -1, time.monotonic()
+        while True:
             self.look()
-            found = len(self.training) + len(self.held_out)
-            if found >= count and self.held_out:
+            before, found = found, len(self.training) + len(self.held_out)
+            if found >= max(count, LEAST_SETS) and self.held_out:
                 return
-            waited = 0 if found > before else waited + 1
-            if waited > 10 or count <= 4:
+            since = since if found == before else time.monotonic()
+            if not count or time.monotonic() - since > COMING_S:
                 raise ValueError(
                     f"found {found} picture sets in {self._folder}, {len(self.held_out)} of them "
-                    f"held out, expected at least {count} and one; make them with "
+                    f"held out, expected at least {max(count, LEAST_SETS)} and one; make them with "
                     "cfnav rooms make --views 200"
                 )
             time.sleep(RESCAN_S)
