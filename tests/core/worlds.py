@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -101,3 +102,10 @@ def seen_hall(seed: int, name: str, wanted: tuple[str, ...] = ("Laptop", "Mug"))
         detections[:, CATEGORY_ID[goal]] = np.stack(columns, 1) * seen[:, None]
         visible[:, CATEGORY_ID[goal]] = near
     return replace(scene, features=features, detections=detections, visible=visible)
+
+
+def two_halls(folder: Path) -> Path:
+    """Two rooms of one plan, to train in and to validate in, as scenes in a folder."""
+    for seed in range(2):
+        hall(4, 3, seed=0, name=f"kitchen:{seed}").save(folder / f"kitchen_{seed:05d}")
+    return folder

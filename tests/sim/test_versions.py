@@ -19,7 +19,7 @@ from sim_bridge.data.scans import SCANS_VERSION
 from sim_bridge.robot.lidar_turn import standing_turn
 from sim_bridge.robot.noise import Noise, NoiseLevels
 from sim_bridge.robot.simulator import SIMULATOR_VERSION, Simulator
-from sim_bridge.room.room import ROOMS_VERSION, generate_room
+from sim_bridge.room.room import ROOMS_VERSION, Room, generate_room
 from sim_bridge.world.grid import state_grid
 from sim_bridge.world.world import World
 
@@ -75,6 +75,12 @@ class Fingerprint:
 @pytest.fixture(scope="module")
 def bathroom() -> World:
     return World(generate_room("bathroom", 3))
+
+
+def furnished(room: Room) -> Fingerprint:
+    """Of a room with models: which they are, and where they stand."""
+    models = [(placed.model.id, placed.frame, placed.owners) for placed in room.placed]
+    return Fingerprint([room.parts, room.objects, models, room.lights, room.ambient])
 
 
 @pytest.mark.parametrize(

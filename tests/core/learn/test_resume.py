@@ -26,15 +26,12 @@ from cfnav_core.learn.run_log import RunLog
 from cfnav_core.learn.train import Synchronous, train
 from cfnav_core.models.size import ModelSize
 from tests.conftest import DEADLINE_S, wait_until
-from tests.core.worlds import hall
+from tests.core.worlds import two_halls
 
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("halls")
-    for seed in range(2):
-        hall(4, 3, seed=0, name=f"kitchen:{seed}").save(folder / f"kitchen_{seed:05d}")
-    return folder
+    return two_halls(tmp_path_factory.mktemp("halls"))
 
 
 def options(scenes: Path, out: Path, stage2: int = 180, **changes: object) -> TrainOptions:

@@ -21,15 +21,12 @@ from cfnav_core.learn.stage_one import StageOne, predictor_figures
 from cfnav_core.learn.train import train
 from cfnav_core.models.size import ModelSize
 from cfnav_core.task.actions import Action
-from tests.core.worlds import hall
+from tests.core.worlds import hall, two_halls
 
 
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("halls")
-    for seed in range(2):
-        hall(4, 3, seed=0, name=f"kitchen:{seed}").save(folder / f"kitchen_{seed:05d}")
-    return folder
+    return two_halls(tmp_path_factory.mktemp("halls"))
 
 
 def options(scenes: Path, out: Path, method: str = "ours", **changes: object) -> TrainOptions:
