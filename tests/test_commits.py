@@ -14,7 +14,6 @@ PAGES = (
 HASH = re.compile(r"\b(?=[0-9a-f]*[a-f])(?=[0-9a-f]*[0-9])[0-9a-f]{7}\b")
 
 GONE = {
-    "d532fd8": "calibration at 2 kHz in docs/deployment.md",
     "f02bfcd": "attacks.json and its table in docs/deployment.md",
     "ffaf244": "what depth adds, in docs/deployment.md",
 }

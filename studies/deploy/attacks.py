@@ -12,6 +12,7 @@ import json
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,7 @@ from irobot_create_msgs.msg import HazardDetectionVector
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, LaserScan
@@ -45,6 +47,8 @@ GOAL = "Laptop"
 WATCH_S = 15.0
 """How long the robot is watched after the first forged message, s: four motions and more."""
 BEGIN_S = 20.0
+JOIN_S = 0.5
+"""How long one that leaves at once waits for somebody to listen, s."""
 STILL_S = 3.0
 """One that stood for so long has given up, s."""
 STANDING = 0.005
@@ -106,6 +110,7 @@ class Attack:
         hz: how often.
         node: the stranger's name.
         lidar_stopped: whether the LiDAR node is stopped (SIGSTOP) as it begins.
+        leaves: whether it comes anew for each word and leaves at once.
     """
 
     words: str
@@ -114,6 +119,7 @@ class Attack:
     hz: float
     node: str = "stranger"
     lidar_stopped: bool = False
+    leaves: bool = False
 
 
 FREE = "says on collision/estimate that nothing is there"
@@ -121,6 +127,9 @@ ATTACKS = (
     *(Attack(f"{FREE}, {hz} Hz", "collision/estimate", _estimate, hz) for hz in (10, 50, 200)),
     Attack(f"{FREE}, 20 Hz, the LiDAR node hangs", "collision/estimate", _estimate, 20,
            lidar_stopped=True),
+    Attack(f"{FREE}, and leaves at once, 10 Hz", "collision/estimate", _estimate, 10, leaves=True),
+    Attack(f"{FREE}, and leaves at once, 10 Hz, the LiDAR node hangs", "collision/estimate",
+           _estimate, 10, lidar_stopped=True, leaves=True),
     Attack("sends scans in which nothing is near, 8 Hz", "scan", _scan, 8),
     Attack("sends odometry that stands, 50 Hz", "odom", _odometry, 50),
     Attack("sends black pictures, 15 Hz", "oakd/rgb/preview/image_raw", _picture, 15),
@@ -146,10 +155,22 @@ class Stranger:
         example = attack.forge(ns_to_stamp(0))
         # What is latched reaches latched subscriptions and the others.
         quality = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        publisher = self._node.create_publisher(type(example), attack.topic, quality)
+        publisher: Publisher | None = None
 
         def speak() -> None:
+            nonlocal publisher
+            if publisher is None:
+                publisher = self._node.create_publisher(type(example), attack.topic, quality)
+            end = time.monotonic() + JOIN_S
+            while attack.leaves and not heard(publisher) and time.monotonic() < end:
+                time.sleep(0.0005)
             publisher.publish(attack.forge(ns_to_stamp(round(rig.now * 1e9))))
+            if attack.leaves:
+                self._node.destroy_publisher(publisher)
+                publisher = None
+
+        def heard(publisher: Publisher) -> bool:
+            return bool(publisher.get_subscription_count())
 
         self._node.create_timer(1 / attack.hz, speak)
         self._thread = SpinningThread(self._node)
