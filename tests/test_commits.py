@@ -14,7 +14,6 @@ PAGES = (
 HASH = re.compile(r"\b(?=[0-9a-f]*[a-f])(?=[0-9a-f]*[0-9])[0-9a-f]{7}\b")
 
 GONE = {
-    "f02bfcd": "attacks.json and its table in docs/deployment.md",
     "ffaf244": "what depth adds, in docs/deployment.md",
 }
 """Of a history that was joined into f68006b later; each is to be measured anew."""
