@@ -14,8 +14,7 @@ from __future__ import annotations
 from cfnav_ros.drive.motion import STOP, Command, Odometry
 
 CLEAR_S = 0.1
-"""A lag that is this much beyond the limit needs no second one: 0.3 s of delay never showed as much
-(``docs/deployment.md``)."""
+"""A lag that is this much beyond the limit needs no second one, s: half a second shows as more."""
 
 BRAKES = Command(0.9, 7.7)
 """By how much a Create 3 brakes in a second, m/s and rad/s."""
