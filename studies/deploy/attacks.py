@@ -24,7 +24,7 @@ from cfnav_interfaces.msg import CollisionEstimate
 from cfnav_ros.process.processes import GraphError
 from cfnav_ros.ros.conversions import ns_to_stamp
 from cfnav_ros.ros.spinning import SpinningThread, leave
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import TransformStamped, TwistStamped
 from irobot_create_msgs.msg import HazardDetectionVector
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
@@ -33,6 +33,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, LaserScan
+from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
 
 from cfnav_core.command import run_options
@@ -99,6 +100,15 @@ def _velocity(stamp: Any) -> TwistStamped:
     return message
 
 
+def _transforms(stamp: Any) -> TFMessage:
+    """The LiDAR looks backwards: what is ahead would be behind."""
+    turned = TransformStamped(child_frame_id="rplidar_link")
+    turned.header.stamp, turned.header.frame_id = stamp, "base_link"
+    turned.transform.rotation.z = -1.0
+    turned.transform.rotation.w = 0.0
+    return TFMessage(transforms=[turned])
+
+
 @dataclass(frozen=True)
 class Attack:
     """What a stranger does.
@@ -134,6 +144,7 @@ ATTACKS = (
     Attack("sends odometry that stands, 50 Hz", "odom", _odometry, 50),
     Attack("sends black pictures, 15 Hz", "oakd/rgb/preview/image_raw", _picture, 15),
     Attack("says that nothing presses the bumper, 50 Hz", "hazard_detection", _hazards, 50),
+    Attack("says on tf_static that the LiDAR looks backwards, 10 Hz", "tf_static", _transforms, 10),
     Attack("drives ahead, 20 Hz", "cmd_vel", _velocity, 20),
     Attack("drives ahead as a node named policy_node, 20 Hz", "cmd_vel", _velocity, 20,
            node="policy_node"),

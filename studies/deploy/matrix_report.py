@@ -30,12 +30,13 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         if not made:
             continue
         stops = [row["stop_s"] for row in made if row["stop_s"] is not None]
+        ends = [row["end_s"] for row in made if row["end_s"] is not None]
         reactions = Counter(row["reaction"] for row in made)
         cells.append({
             "fault": expected.fault,
             "phase": expected.phase.value,
             "reaction": reactions.most_common(1)[0][0],
-            "reactions": dict(reactions),
+            "reactions": dict(reactions.most_common()),
             "expected": expected.reaction.value,
             "reason": expected.reason,
             "runs": len(made),
@@ -45,6 +46,8 @@ def summarise(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "stop_s_max": max(stops, default=None),
             "last_motions": dict(Counter(row["last_motion"] for row in made)),
             "bound_s": None if expected.bound_s is None else round(expected.bound_s, 3),
+            "end_s_max": max(ends, default=None),
+            "end_bound_s": None if expected.end_s is None else round(expected.end_s, 3),
             "as_expected": all(row["as_expected"] for row in made),
             "runs_as_expected": sum(row["as_expected"] for row in made),
             "contacts": sum(row["contacts"] for row in made),
@@ -61,8 +64,9 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
     """The cells as Markdown, a row for each fault; what was measured first told in a sentence.
 
     A cell says the reaction, the median and longest time to rest and its bound in seconds, or that
-    the motion finished and none followed; one that was not as expected in every run also in how
-    many it was, and what was expected.
+    the motion finished and none followed; where the episode's end is bounded, the longest time to
+    it as well. Where runs differed it counts the reactions; one that was not as expected in every
+    run also says in how many it was, and what was expected.
     """
     met = sum(cell["as_expected"] for cell in cells)
     phases = [phase.value for phase in FaultPhase]
@@ -94,13 +98,18 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
 
 
 def _in_words(cell: dict[str, Any]) -> str:
-    reaction, bound = cell["reaction"].replace("_", " "), cell["bound_s"]
+    reaction, bound = cell["reaction"], cell["bound_s"]
+    if len(cell["reactions"]) > 1:
+        reaction = ", ".join(f"{name} {count}" for name, count in cell["reactions"].items())
+    reaction = reaction.replace("_", " ")
     times = ""
     if cell["reaction"] in ("stop", "degrade") and bound is not None:
         if cell["stops"]:
             times = f" {cell['stop_s_median']:.2f}, {cell['stop_s_max']:.2f} of {bound:.2f}"
         else:
             times = _unmeasured(cell)
+    if cell["end_bound_s"] is not None and cell["end_s_max"] is not None:
+        times += f"; ended {cell['end_s_max']:.2f} of {cell['end_bound_s']:.2f}"
     if cell["as_expected"]:
         return reaction + times
     met = f"{cell['runs_as_expected']} of {cell['runs']} as expected"

@@ -159,6 +159,7 @@ def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
     row = {
         "fault": "odom_silent", "phase": "driving", "contacts": 0, "message": "", "commit": "ab1",
         "reaction": "stop", "last_motion": "cut short", "place": "wall", "attempts": 2,
+        "end_s": 1.5,
     }  # fmt: skip
     rows = [{**row, "stop_s": s, "as_expected": s < 0.5} for s in (0.4, 0.45, 0.6)]
     rows.append({**row, "stop_s": None, "as_expected": True, "last_motion": "finished"})
@@ -176,6 +177,17 @@ def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
     assert "| `odom_silent` | **stop 0.45, 0.60 of 0.57: 3 of 4 as expected, stop** |" in text
     (finished,) = matrix_report.summarise(rows[-1:])
     assert "| stop: finished, none followed |" in matrix_report.table([finished])
+    mixed = [{**row, "reaction": "ride_through"}, *[{**row, "reaction": "degrade"}] * 2]
+    late = [
+        {**row, "fault": "cmd_late_1", "end_s": end, "stop_s": 0.5, "as_expected": True}
+        for end in (2.25, 2.0)
+    ]
+    for own in mixed:
+        own.update(fault="cmd_cut_1", stop_s=None, as_expected=True)
+    text = matrix_report.table(matrix_report.summarise([*mixed, *late]))
+    assert "| degrade 2, ride through 1 |" in text
+    bound = cell("cmd_late_1", FaultPhase.DRIVING).end_s
+    assert f"; ended 2.25 of {bound:.2f} |" in text
     matrix_report.draw([summary], tmp_path / "matrix.png")
     assert (tmp_path / "matrix.png").stat().st_size > 5000
 

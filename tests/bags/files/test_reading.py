@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import os
 import shutil
 import sqlite3
 import struct
 import tempfile
 import tracemalloc
+from pathlib import Path
 
 import pytest
 from cfnav_ros.bags.files.events import Picture, Pose
@@ -36,6 +38,8 @@ from studies.bags.fuzz import read
 
 DRIVE = drive()
 ODOM = "nav_msgs/msg/Odometry"
+NOBODY = 65534
+"""A user who owns no file."""
 
 
 @pytest.fixture(scope="module")
@@ -256,18 +260,39 @@ def contents(folder):
     return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
 
 
+@pytest.fixture
+def strangers_folder():
+    """Return a folder that who reads may not write into, not even as root."""
+    folder = Path(tempfile.mkdtemp(prefix="cfnav_bag_"))
+    yield folder
+    if os.geteuid() != os.getuid():
+        os.seteuid(os.getuid())
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o755)
+    shutil.rmtree(folder)
+
+
+def closed(folder):
+    """Take everybody's right to write into a folder, and root's from this process."""
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o555)
+    if os.geteuid() == 0:
+        os.seteuid(NOBODY)
+    with pytest.raises(PermissionError):
+        (folder / "new").touch()
+
+
 @pytest.mark.parametrize("ends", [("-wal",), ("-wal", "-shm")])
 def test_messages_that_a_killed_recorder_left_beside_the_database_are_read(
-    tmp_path, expected, ends
+    strangers_folder, expected, ends
 ):
-    made = killed(tmp_path, "WAL", *ends)
+    made = killed(strangers_folder, "WAL", *ends)
     before = contents(made)
-    made.chmod(0o555)
+    closed(strangers_folder)
     events, notes = read(made)
     assert len(events) == 2 * len(expected)
     assert notes == [f"{made} has no metadata.yaml: the recording broke off or was copied in part."]
     assert contents(made) == before
-    made.chmod(0o755)
 
 
 def test_what_a_killed_recorder_had_not_finished_is_rolled_back(tmp_path, expected):

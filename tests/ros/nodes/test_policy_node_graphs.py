@@ -10,6 +10,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from cfnav_ros.drive.fields import stamp_to_ns  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
 
 from tests.ros.policy_graph import LATE_DEG, LATE_M, policy_graph, standing  # noqa: E402
@@ -80,6 +81,7 @@ def test_in_lock_step_a_simulator_that_falls_silent_ends_the_episode(graph, make
 
 def test_two_robots_in_one_graph_do_not_disturb_each_other(tmp_path, ros_domain_id, make_bundle):
     bundles = {"left": make_bundle("RotateLeft"), "right": make_bundle("MoveAhead")}
+    diagnosed = {name: [] for name in bundles}
     with ExitStack() as stack:
         robots = {}
         for name, bundle in bundles.items():
@@ -89,6 +91,8 @@ def test_two_robots_in_one_graph_do_not_disturb_each_other(tmp_path, ros_domain_
             robots[name], _, _ = start(
                 bundle, f"base_frame:={name}/base_link", remap=f"__ns:=/{name}", namespace=name
             )
+            hear = diagnosed[name].append
+            robots[name].node.create_subscription(DiagnosticArray, f"/{name}/diagnostics", hear, 5)
         futures = {name: robot.send(max_steps=3)[1] for name, robot in robots.items()}
         for name, robot in robots.items():
             _, result = robot.result(futures[name])
@@ -99,6 +103,8 @@ def test_two_robots_in_one_graph_do_not_disturb_each_other(tmp_path, ros_domain_
                 == {d.header.frame_id for d in robot.decisions}
                 == {f"{name}/base_link"}
             )
+            # where the aggregator of a robot with a namespace listens
+            robot.wait(lambda name=name: diagnosed[name], f"diagnostics of {name}")
     left, right = robots["left"], robots["right"]
     assert (left.x, left.y) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert math.degrees(left.yaw) == pytest.approx(135, abs=LATE_DEG)
