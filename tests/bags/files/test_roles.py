@@ -141,6 +141,8 @@ def test_all_roles_are_of_one_robot_and_each_can_be_chosen():
     assert roles.about_robots("--namespace {} judges another") == (
         "The bag holds several robots, /r1, /r2: /r1 was chosen, --namespace /r2 judges another.",
     )
+    (told,) = assign(TWO, {"odom": "/r2/odom"}).about_robots("--namespace {} judges another")
+    assert told.endswith("/r2 was chosen, --namespace /r1 judges another.")
     assert assign(TWO, namespace="r2").about_robots("{}") == ()
     assert assign(robot("/r1")).about_robots("{}") == ()
 

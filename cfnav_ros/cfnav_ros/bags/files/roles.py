@@ -84,7 +84,7 @@ class Roles:
         topics: by role.
         notes: sentences about choices.
         missing: roles without a topic.
-        robots: namespaces of the robots of the bag when there are several and nobody has named one.
+        robots: namespaces of the robots of the bag when there are several and none was asked for.
         robot: the one of them that was chosen.
     """
 
@@ -171,10 +171,10 @@ class _Assigning:
         found = robots_in(played)
         self._robots = tuple(dict.fromkeys((*found, *([asked] * bool(asked)))))
         self._robot = asked or self._robot_of_named()
-        self._told: tuple[str, ...] = ()
-        if self._robot is None and len(found) > 1:
+        self._told = () if asked or len(found) < 2 else found
+        if self._robot is None and self._told:
             has = {r: len({role for role, n in played if robot_of(n, found) == r}) for r in found}
-            self._told, self._robot = found, max(found, key=has.__getitem__)
+            self._robot = max(found, key=has.__getitem__)
         if asked and not inside:
             there = f", its robots are {', '.join(found)}" if found else ""
             self._notes[""] = f"The bag holds no topic in the namespace {asked}{there}."
