@@ -150,6 +150,24 @@ def test_pictures_repeat_and_tilt_matters(camera, grid):
     assert first.shape == (300, 300, 3)
 
 
+@pytest.mark.parametrize("name", ["mast", "stock_wide"])
+@pytest.mark.parametrize("kind", ["living_room", "cc0.kitchen"])
+def test_what_is_not_drawn_is_not_in_the_picture(monkeypatch, kind, name):
+    world = World(generate_room(kind, 1), CAMERAS[name].on_mast)
+    grid = state_grid(world, CAMERAS[name].horizons)
+    states = np.random.default_rng(0).choice(len(grid.next_state), 30, replace=False)
+    with Camera(world, CAMERAS[name]) as camera:
+        some = [camera.picture(grid.pose(int(state))) for state in states]
+        left_out = [camera._renderer.scene.ngeom]
+        monkeypatch.setattr(camera, "_out_of_view", lambda axes: np.zeros(world.model.ngeom, bool))
+        everything = [camera.picture(grid.pose(int(state))) for state in states]
+        left_out.append(camera._renderer.scene.ngeom)
+    assert left_out[0] < left_out[1]
+    for a, b in zip(some, everything, strict=True):
+        for part in ("rgb", "depth", "owner"):
+            np.testing.assert_array_equal(getattr(a, part), getattr(b, part))
+
+
 def test_largest_picture_can_be_drawn():
     world = World(generate_room("bathroom", 3))
     with Camera(world, replace(MAST, size=(LARGEST_PICTURE, LARGEST_PICTURE))) as camera:

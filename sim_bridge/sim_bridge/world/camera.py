@@ -11,6 +11,7 @@ import numpy as np
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.visibility import visible
 from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.world.groups import TOUCH_ONLY
 from sim_bridge.world.world import Pose, World
 
 import mujoco as mj  # isort: skip
@@ -65,6 +66,9 @@ class Camera:
             [CATEGORIES.index(o.name) if o.name in CATEGORIES else -1 for o in objects]
         )
         self._footprint = np.array([o.footprint for o in objects])
+        self._groups = model.geom_group.copy()
+        # a plane has no bounding sphere
+        self._reach = np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
     def __enter__(self) -> Camera:
         return self
@@ -132,9 +136,27 @@ class Camera:
         self._world.model.cam_fovy[self._id] = self.set_up.fov_deg[1]
         self._data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
         self._data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
+        away = self._out_of_view(np.stack([right, up, forward]))
+        self._world.model.geom_group[away] = TOUCH_ONLY
         self._renderer.update_scene(self._data, self._id, self._option)
+        self._world.model.geom_group[:] = self._groups
         flags = self._renderer.scene.flags
         flags[mj.mjtRndFlag.mjRND_SHADOW] = flags[mj.mjtRndFlag.mjRND_REFLECTION] = 0
+
+    def _out_of_view(self, axes: np.ndarray) -> np.ndarray:
+        """Which geoms cannot be in the picture: bool [geoms], by their bounding spheres.
+
+        MuJoCo would draw what is behind the camera as well.
+
+        Args:
+            axes: right, up and forward of the camera, one in each row.
+        """
+        right, up, forward = axes @ (self._data.geom_xpos - self._data.cam_xpos[0]).T
+        steep = math.tan(math.radians(self.set_up.fov_deg[1]) / 2)
+        wide = steep * self._shape[1] / self._shape[0]
+        beside = np.abs(right) - wide * forward > self._reach * math.hypot(1, wide)
+        beyond = np.abs(up) - steep * forward > self._reach * math.hypot(1, steep)
+        return beside | beyond | (forward < -self._reach)
 
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
         rgb = np.empty((*self._shape, 3), np.uint8)
