@@ -1,0 +1,4 @@
+"""What the worlds that policies learn in do for them.
+
+May import: cfnav_core, studies.engine.
+"""

@@ -1,0 +1,1 @@
+"""Studies of the rooms that policies learn in."""
