@@ -10,14 +10,14 @@ from cfnav_core.scenes.check import check_room
 from cfnav_core.scenes.scene import SceneError
 from cfnav_core.scenes.store import BUILT_IN, StoreHead
 from cfnav_core.scenes.store_writer import StoreWriter
-from cfnav_core.task.rooms import parse_rooms, rooms_in, split_of
+from cfnav_core.task.rooms import FURNITURE, parse_rooms, rooms_in, split_of
 
 
 def pack(folder: Path, split: str, out: Path) -> StoreHead:
     """Append the scenes to a store in the order of the split's rooms; each is checked first.
 
     Args:
-        folder: of built-in scenes.
+        folder: of built-in scenes, of one furniture.
         split: row of ``rooms.SPLITS``.
         out: folder of the store; must not be there yet.
 
@@ -28,8 +28,8 @@ def pack(folder: Path, split: str, out: Path) -> StoreHead:
         SceneError: a scene is damaged or in no split (those before it are kept for the next run),
             the disk is full, or the store is there already.
     """
-    rooms = set(rooms_in(folder))
-    if strange := sorted(rooms - set(parse_rooms([split]))):
+    rooms, known = set(rooms_in(folder)), parse_rooms([split], FURNITURE)
+    if strange := sorted(rooms.difference(known)):
         kind, seed = strange[0]
         raise SceneError(
             f"found {kind}:{seed} in {folder}, which is in no split of {split} ({len(strange)} "
@@ -37,7 +37,7 @@ def pack(folder: Path, split: str, out: Path) -> StoreHead:
         )
     writer = StoreWriter(out, BUILT_IN, f"built-in rooms, split as {split}", folder)
     there = set(writer.head.names())
-    for kind, seed in tqdm([r for r in parse_rooms([split]) if r in rooms], unit="scene"):
+    for kind, seed in tqdm([room for room in known if room in rooms], unit="scene"):
         if f"{kind}:{seed}" in there:
             continue
         scene, problems = check_room(folder, kind, seed)

@@ -1,5 +1,7 @@
 """Built-in scenes as one store: the same scenes, found by the same names."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,3 +68,18 @@ def test_a_room_of_no_split_is_named(rooms, tmp_path):
     with pytest.raises(SceneError, match=r"found kitchen:30 in .* no split of data1 \(1 such\)"):
         pack(rooms, "data1", tmp_path / "store")
     assert not list(tmp_path.glob("store*"))
+
+
+def test_rooms_of_another_furniture_make_a_store_of_their_own(rooms, tmp_path):
+    other = tmp_path / "other"
+    for seed in (300, 100):
+        scene = replace(hall(4, 3, seed=seed, name=f"sweet_home.kitchen:{seed}"), source="models")
+        scene.save(room_folder(other, "sweet_home.kitchen", seed))
+    head = pack(other, "worlds", tmp_path / "store")
+    assert head.names() == ["sweet_home.kitchen:100", "sweet_home.kitchen:300"]
+    assert scene_names(tmp_path / "store", ["test"]) == ["sweet_home.kitchen:300"]
+    for seed in (0, 20):
+        scene = replace(hall(4, 3, seed=seed, name=f"sweet_home.kitchen:{seed}"), source="models")
+        scene.save(room_folder(rooms, "sweet_home.kitchen", seed))
+    with pytest.raises(SceneError, match=r"found source models in sweet_home.kitchen:0, expected "):
+        pack(rooms, "data2", tmp_path / "both")
