@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -48,6 +49,8 @@ GOAL = "Laptop"
 WATCH_S = 15.0
 """How long the robot is watched after the first forged message, s: four motions and more."""
 BEGIN_S = 20.0
+GONE_S = 60.0
+"""How long a hung node stays in the graph at most, s: its lease is 20 s."""
 JOIN_S = 0.5
 """How long one that leaves at once waits for somebody to listen, s."""
 STILL_S = 3.0
@@ -121,6 +124,8 @@ class Attack:
         node: the stranger's name.
         lidar_stopped: whether the LiDAR node is stopped (SIGSTOP) as it begins.
         leaves: whether it comes anew for each word and leaves at once.
+        again: whether the goal is sent again once the node that hangs is gone from the graph and
+            the stranger alone is left.
     """
 
     words: str
@@ -130,6 +135,7 @@ class Attack:
     node: str = "stranger"
     lidar_stopped: bool = False
     leaves: bool = False
+    again: bool = False
 
 
 FREE = "says on collision/estimate that nothing is there"
@@ -137,6 +143,8 @@ ATTACKS = (
     *(Attack(f"{FREE}, {hz} Hz", "collision/estimate", _estimate, hz) for hz in (10, 50, 200)),
     Attack(f"{FREE}, 20 Hz, the LiDAR node hangs", "collision/estimate", _estimate, 20,
            lidar_stopped=True),
+    Attack(f"{FREE}, 20 Hz, the LiDAR node hangs, and the goal is sent again when it is gone",
+           "collision/estimate", _estimate, 20, lidar_stopped=True, again=True),
     Attack(f"{FREE}, and leaves at once, 10 Hz", "collision/estimate", _estimate, 10, leaves=True),
     Attack(f"{FREE}, and leaves at once, 10 Hz, the LiDAR node hangs", "collision/estimate",
            _estimate, 10, lidar_stopped=True, leaves=True),
@@ -196,6 +204,9 @@ class Stranger:
 def run_attack(rig: Rig, places: StartPlaces, task: tuple[int, int]) -> tuple[dict[str, Any], bool]:
     """Make one run of one attack: its index and the number of the run.
 
+    Returns:
+        Its row, and whether the graph must be started anew.
+
     Raises:
         GraphError: the robot did not begin to drive.
     """
@@ -220,6 +231,13 @@ def run_attack(rig: Rig, places: StartPlaces, task: tuple[int, int]) -> tuple[di
 
     try:
         rig.watch(over, 3 * WATCH_S)
+        if attack.again:
+            alone = partial(_alone, rig, attack.topic)
+            if not rig.watch(alone, GONE_S):
+                raise GraphError(f"{attack.words}: the node that hangs did not leave the graph")
+            began = rig.now
+            result, ended = rig.graph.send_goal(GOAL).get_result_async(), []
+            rig.watch(over, 3 * WATCH_S)
     finally:
         stranger.end()
         if attack.lidar_stopped:
@@ -234,7 +252,12 @@ def run_attack(rig: Rig, places: StartPlaces, task: tuple[int, int]) -> tuple[di
         "moved_s": round(max(moved, default=began) - began, 3),
         "outcome": answer.outcome if answer else "drives on",
         "message": answer.message if answer else "",
-    }, False
+    }, attack.again
+
+
+def _alone(rig: Rig, topic: str) -> bool:
+    """Whether the stranger is the only one that speaks."""
+    return rig.graph.node.count_publishers(topic) == 1
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,8 @@ class EpisodeLimits:
         "both (the larger); to study what it does: zero, or earlier (the LiDAR's of any decision "
         "so far)",
     )
-    veto: bool = setting(True, "the LiDAR may forbid a MoveAhead", live=True)
-    veto_probability: float = setting(VETO_PROBABILITY, "from which it does", 0.001, 1.0, live=True)
+    veto: bool = setting(True, "the LiDAR may forbid a MoveAhead")
+    veto_probability: float = setting(VETO_PROBABILITY, "from which it does", 0.001, 1.0)
     guard_slack: float = setting(
         0.02, "by which a way may look too short without stopping a MoveAhead, m", 0.0, 0.05
     )

@@ -12,11 +12,17 @@ LEVEL_DEG = 5.0
 """A scanner that leans further does not scan a plane along the floor."""
 
 
+SAME = 1e-3
+"""Entries of a transform, metres and cosines, within which one repeats another."""
+
+
 class FrameTree:
     """The newest transform from each frame to its parent."""
 
     def __init__(self) -> None:
         self._up: dict[str, tuple[str, np.ndarray]] = {}
+        self._fixed: set[str] = set()
+        self._contradicted: set[str] = set()
 
     def add(
         self,
@@ -24,6 +30,7 @@ class FrameTree:
         child: str,
         at: tuple[float, float, float],
         quaternion: tuple[float, float, float, float],
+        fixed: bool = False,
     ) -> bool:
         """Take one transform.
 
@@ -32,6 +39,7 @@ class FrameTree:
             child: frame.
             at: of the child in the parent, metres.
             quaternion: x, y, z, w of the child's axes in the parent.
+            fixed: whether it is said to hold for good (``/tf_static``).
 
         Returns:
             Whether it was taken: not when a number is not finite or the quaternion has no length.
@@ -48,8 +56,20 @@ class FrameTree:
             (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
         )
         matrix[:3, 3] = at
-        self._up[child.lstrip("/")] = (parent.lstrip("/"), matrix)
+        child, parent = child.lstrip("/"), parent.lstrip("/")
+        if child in self._fixed:
+            before, held = self._up[child]
+            if before != parent or not np.allclose(held, matrix, atol=SAME):
+                self._contradicted.add(child)
+        if fixed:
+            self._fixed.add(child)
+        self._up[child] = (parent, matrix)
         return True
+
+    def contradicted(self, base: str, frame: str) -> str:
+        """A frame on the way between two of which TF said one thing for good, then another."""
+        way = self._ancestors(base).keys() ^ self._ancestors(frame).keys()
+        return min(way & self._contradicted, default="")
 
     def pose(self, base: str, frame: str) -> np.ndarray | None:
         """Where a frame is in another: float64 [4, 4], None while the tree does not join them."""

@@ -64,6 +64,12 @@ class Mounting:
             if self._source == "auto":
                 return self._said(frame)
             return None, "", f"TF does not join {self._base} and {frame} yet."
+        if twice := self.tree.contradicted(self._base, frame):
+            fault = (
+                f"TF says for good where {twice} sits, and says it otherwise too: end the "
+                "publisher that is wrong, and start this node again."
+            )
+            return None, "", fault
         try:
             mount = planar_mount(pose)
         except ValueError as error:

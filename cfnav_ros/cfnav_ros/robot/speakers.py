@@ -1,7 +1,8 @@
 """Who speaks: every input that a drive's safety hangs on comes from one publisher. Pure.
 
-A publisher is known by its GID, which the middleware gives to each and no message can claim; names
-can be had twice.
+A publisher is known by its GID, which the middleware gives to each and no ROS publisher can choose;
+names can be had twice. From one drive to the next GIDs change, as nodes and drivers start anew, and
+only a name can be expected to stay.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Speaker:
 
 
 class OneSpeaker:
-    """The one publisher of a topic: the first that is seen there alone.
+    """The one publisher of a topic: the first that is seen there alone, until ``forget``.
 
     Attributes:
         topic: its name, resolved.
@@ -36,11 +37,17 @@ class OneSpeaker:
 
     def __init__(self, topic: str, type: str) -> None:
         self.topic, self.type = topic, type
-        self._known: bytes | None = None
+        self._known: Speaker | None = None
+        self._trusted = ""
 
     def forget(self) -> None:
-        """Another one may speak from now on."""
+        """Another one may speak from now on, of the name that was trusted."""
         self._known = None
+
+    def trust(self) -> None:
+        """The robot drives by what the known one says: another name must not stand in for it."""
+        if self._known is not None and self._known.node != UNKNOWN_NODE:
+            self._trusted = self._known.node
 
     def look(self, speakers: Sequence[Speaker], met: int = 0) -> str:
         """One sentence when somebody else speaks, or might; else empty.
@@ -53,9 +60,14 @@ class OneSpeaker:
             names = ", ".join(sorted(map(_named, speakers)))
             return f"{len(speakers)} nodes publish {self.topic} ({names}): end all but one."
         for speaker in speakers:
-            if self._known is None:
-                self._known = speaker.gid
-            elif speaker.gid != self._known:
+            if self._known is None and self._is_strange(speaker):
+                return (
+                    f"{speaker.node} publishes {self.topic} now, {self._trusted} did in the drive "
+                    "before: end it, or start this node again if that is meant."
+                )
+            if self._known is None or speaker.gid == self._known.gid:
+                self._known = speaker  # its name may be discovered later than itself
+            else:
                 return f"{_named(speaker)} publishes {self.topic} now, in place of another one."
         if met > 1:
             return (
@@ -63,6 +75,10 @@ class OneSpeaker:
                 "cannot be told."
             )
         return ""
+
+    def _is_strange(self, speaker: Speaker) -> bool:
+        """Whether it has another name than the one that was trusted."""
+        return bool(self._trusted) and speaker.node not in (self._trusted, UNKNOWN_NODE)
 
 
 def _named(speaker: Speaker) -> str:

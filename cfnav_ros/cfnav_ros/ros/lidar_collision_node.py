@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import partial
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -87,16 +88,17 @@ class LidarCollisionNode(Node):
                 "that is mounted otherwise than said goes unnoticed."
             )
 
-    def _hear_transforms(self, topic: Topic) -> Subscription:
-        return self.create_subscription(TFMessage, topic.name, self._on_transforms, quality(topic))
+    def _hear_transforms(self, topic: Topic, fixed: bool) -> Subscription:
+        hear = partial(self._on_transforms, fixed)
+        return self.create_subscription(TFMessage, topic.name, hear, quality(topic))
 
     def _hear_frames(self) -> None:
         """Hear where LiDAR and depth camera sit, as far as it is not heard already."""
         still, moving = self._frames
         if still and self._tf_static is None:
-            self._tf_static = self._hear_transforms(still)
+            self._tf_static = self._hear_transforms(still, True)
         if moving and self._tf is None:
-            self._tf = self._hear_transforms(moving)
+            self._tf = self._hear_transforms(moving, False)
 
     def _on_scan(self, message: LaserScan) -> None:
         begun = time.perf_counter()
@@ -119,7 +121,7 @@ class LidarCollisionNode(Node):
             # Stamped now: that nothing is seen is news of now, not of the last scan.
             self._publish(estimate, now.to_msg())
 
-    def _on_transforms(self, message: TFMessage) -> None:
+    def _on_transforms(self, fixed: bool, message: TFMessage) -> None:
         for stamped in message.transforms:
             at, q = stamped.transform.translation, stamped.transform.rotation
             self._mounting.tree.add(
@@ -127,6 +129,7 @@ class LidarCollisionNode(Node):
                 stamped.child_frame_id,
                 (at.x, at.y, at.z),
                 (q.x, q.y, q.z, q.w),
+                fixed,
             )
 
     def _on_source(self, frame: str) -> None:

@@ -99,6 +99,11 @@ class PolicyNode(Node):
 
     def _adopt(self, settings: PolicyParameters) -> None:
         """Take changed parameters at once."""
+        was, now = self._settings.episode.motion, settings.episode.motion
+        self.get_logger().info(
+            f"Top speeds were {was.v_max:g} m/s and {was.w_max:g} rad/s, are {now.v_max:g} and "
+            f"{now.w_max:g} from now on."
+        )
         self._settings = settings
         if self.episode is not None:
             self.episode.adopt(settings.episode)
@@ -151,6 +156,8 @@ class PolicyNode(Node):
         t, inputs = self._pace.present(self.senses.inputs)
         begins = episode.phase is Phase.PREFLIGHT
         output = episode.update(t, inputs)
+        if episode.begun and not episode.over:
+            self.senses.hold()
         if begins and episode.phase is not Phase.PREFLIGHT and not episode.ended:
             self._warn_of_hazards()
         # After the update: what goes wrong in the same moment is said first.

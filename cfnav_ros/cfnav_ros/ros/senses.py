@@ -122,12 +122,20 @@ class Senses:
         return {name: rate.hz(real) for name, rate in self._rates.items()}
 
     def restart(self) -> None:
-        """Begin an episode: whoever speaks alone now is who must speak until ``release``."""
-        self._drives = True
-        for name, one in self._guarded.items():
-            one.forget()
+        """Begin an episode.
+
+        Publishers may still come and go, as a camera's that starts when the robot leaves its dock.
+        """
+        for name in self._guarded:
             self._begin_anew(name)
         self.inputs = replace(self.inputs, rival="")
+
+    def hold(self) -> None:
+        """The robot drives: whoever speaks alone now is who must speak until ``release``."""
+        if not self._drives:
+            self._drives = True
+            for one in self._guarded.values():
+                one.trust()
 
     def release(self) -> None:
         """The episode is over: publishers may come and go."""

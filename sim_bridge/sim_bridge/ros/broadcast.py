@@ -102,6 +102,7 @@ class Broadcast:
         self._hazards: list[tuple[int, str]] | None = None
         self._restarted = 0.0
         self._docked = self._simulator.docked
+        self._camera_runs = True
         self._schedule = (
             Every(STATE_PERIOD, self._state),
             Every(CAMERA_PERIOD, self._picture),
@@ -134,6 +135,7 @@ class Broadcast:
         camera do: 30 times a second (turtlebot4_diagnostics expects 30 to 35 through the relay).
         """
         t = self._simulator.time
+        self._switch_camera()
         due = [every.action for every in self._schedule if every.due(t)]
         if self._state in due or self._picture in due:
             due.append(self._imu)
@@ -151,6 +153,13 @@ class Broadcast:
         for action in due:
             action()
         self.outbox.release(t)
+
+    def _switch_camera(self) -> None:
+        """Let the camera's publishers come and go with it."""
+        runs = self.running["camera"] and not self._simulator.docked
+        if runs is not self._camera_runs:
+            self._camera_runs = runs
+            self._robot.run_camera(runs)
 
     def mounts(self) -> None:
         """Publish where the sensors sit."""
@@ -192,8 +201,7 @@ class Broadcast:
             return  # this robot has none
 
         def deliver(message: Any) -> None:
-            self._robot.out[topic].publish(message)
-            if topic in SENSORS:
+            if self._robot.say(topic, message) and topic in SENSORS:
                 self._sent[topic] = message.header.stamp
 
         self.outbox.put(topic, message, deliver, self._simulator.time, latency)
@@ -239,7 +247,7 @@ class Broadcast:
         self._turn.next()
 
     def _picture(self) -> None:
-        if not self.running["camera"] or self._simulator.docked:
+        if not self._camera_runs:
             return
         now, late = self._now, self._stage.noise.levels.image_latency
         make = to_msg.compressed_image if self._packed else to_msg.image
@@ -247,7 +255,7 @@ class Broadcast:
         self._send(CAMERA_INFO, to_msg.camera_info(self._set_up, now), late)
 
     def _depth(self) -> None:
-        if not self.running["camera"] or self._simulator.docked:
+        if not self._camera_runs:
             return
         now, late = self._now, self._stage.noise.levels.depth_latency
         frame = to_msg.DEPTH_FRAME if self._depth_fixed else to_msg.CAMERA_FRAME

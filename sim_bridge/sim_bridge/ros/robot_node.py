@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from threading import Lock
 from typing import Any
 
 from cfnav_interfaces.msg import MomentDone
@@ -25,7 +26,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Empty, Trigger
 
 from cfnav_core.robot.robot import Robot
-from cfnav_core.robot.topics import TOPICS, UNSTAMPED, unstamped
+from cfnav_core.robot.topics import TOPICS, UNSTAMPED, Topic, unstamped
 from sim_bridge.faults.faults import (
     CAMERA_INFO,
     COMMANDS,
@@ -51,6 +52,10 @@ SAID = (
     IMU, DEPTH, DEPTH_INFO,
 )  # fmt: skip
 """Roles of what a robot publishes, as far as it has them."""
+CAMERA = {IMAGE, CAMERA_INFO, DEPTH, DEPTH_INFO}
+"""Those whose publishers live as long as the camera runs: depthai's driver makes new ones at each
+start (``Camera::stop`` clears its nodes, ``setupQueues`` makes them again). Source: depthai-ros,
+``depthai_ros_driver/src/camera.cpp``."""
 
 
 class RobotNode(Node):
@@ -80,13 +85,16 @@ class RobotNode(Node):
         self._switch = switch
         self._on_own = on_own
         self.out: dict[str, Publisher] = {}
-        """By role."""
+        """By role; a camera that is off has none."""
+        self._publishing = Lock()
+        self._camera: dict[str, Topic] = {}
+        self._camera_runs = True
         self._robot = Robot()
         self._command_types: dict[str, type] = {}
         self._command_listeners: list[Subscription] = []
         self._faults: frozenset[str] = frozenset()
-        # Subscriptions come and go in the executor's thread only.
-        self._changed = self.create_guard_condition(self._follow_faults)
+        # Subscriptions and publishers come and go in the executor's thread only.
+        self._changed = self.create_guard_condition(self._follow)
         self._start: Service | None = None
         # Put off by one turn of the executor, so that a command which was sent before an answer is
         # taken before it; a policy sends one of each kind a moment.
@@ -110,6 +118,7 @@ class RobotNode(Node):
         for role in SAID:
             if role in robot.topics and role not in unsaid:
                 self.out[role] = publisher(self, robot.topics[role])
+        self._camera = {role: robot.topics[role] for role in self.out.keys() & CAMERA}
         self._quality = SURE if lock_step else NEWEST
         self._listen_to_commands()
         self._serve()
@@ -183,9 +192,29 @@ class RobotNode(Node):
         self._faults = faults
         self._changed.trigger()
 
-    def _follow_faults(self) -> None:
+    def run_camera(self, runs: bool) -> None:
+        """Let the camera's publishers come, or go; in any thread."""
+        self._camera_runs = runs
+        self._changed.trigger()
+
+    def say(self, role: str, message: Any) -> bool:
+        """Publish; returns whether there is a publisher. In any thread."""
+        with self._publishing:
+            found = self.out.get(role)
+            if found is not None:
+                found.publish(message)
+        return found is not None
+
+    def _follow(self) -> None:
+        """Follow the faults and the camera."""
         self._listen_to_commands()
         self._offer_start()
+        with self._publishing:
+            for role, topic in self._camera.items():
+                if self._camera_runs and role not in self.out:
+                    self.out[role] = publisher(self, topic)
+                elif not self._camera_runs and role in self.out:
+                    self.destroy_publisher(self.out.pop(role))
 
     def _listen_to_commands(self) -> None:
         """Subscribe to commands, as far as the faults leave it."""

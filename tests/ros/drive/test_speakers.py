@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfnav_ros.robot.speakers import OneSpeaker, Speaker
+from cfnav_ros.robot.speakers import UNKNOWN_NODE, OneSpeaker, Speaker
 
 LIDAR, AGAIN = Speaker(b"1", "lidar_collision_node"), Speaker(b"2", "lidar_collision_node")
 STRANGER = Speaker(b"3", "stranger")
@@ -29,6 +29,37 @@ def test_another_one_of_the_same_name_is_not_the_one() -> None:
     assert one.look([AGAIN]) == reason
     one.forget()
     assert one.look([AGAIN]) == ""
+
+
+def test_another_name_does_not_stand_in_for_one_that_was_trusted() -> None:
+    one = OneSpeaker("/collision/estimate", "")
+    one.look([LIDAR])
+    one.forget()
+    assert one.look([STRANGER]) == ""  # nobody has driven by the other's word
+    one.forget()
+    one.look([LIDAR])
+    one.trust()
+    one.forget()
+    reason = (
+        "stranger publishes /collision/estimate now, lidar_collision_node did in the drive before: "
+        "end it, or start this node again if that is meant."
+    )
+    assert one.look([STRANGER]) == reason
+    assert one.look([STRANGER]) == reason
+    assert one.look([AGAIN]) == ""  # the node has started anew
+
+
+def test_a_name_that_is_not_discovered_yet_is_waited_for() -> None:
+    one = OneSpeaker("/scan", "")
+    one.look([Speaker(b"1", UNKNOWN_NODE)])
+    one.trust()
+    one.forget()
+    assert one.look([STRANGER]) == ""  # nobody's name was trusted
+    one.trust()
+    one.forget()
+    assert one.look([Speaker(b"4", UNKNOWN_NODE)]) == ""
+    one.forget()
+    assert one.look([Speaker(b"4", "lidar")]).startswith("lidar publishes /scan now, stranger did")
 
 
 def test_one_who_came_and_went_is_noticed() -> None:

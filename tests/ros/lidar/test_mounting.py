@@ -125,6 +125,30 @@ def test_given_parameters_may_be_inaccurate_or_preferred():
     assert chosen.choose("rplidar_link") == (far, "parameters", "")
 
 
+@pytest.mark.parametrize("last", [TB4, Mount(-0.04, 0.0, 0.0)])
+def test_what_tf_says_for_good_it_must_not_say_otherwise(last):
+    chosen = mounting("tf")
+    turtlebot4(chosen.tree)
+    for mount in (TB4, TB4, Mount(-0.04, 0.0, 0.0), last):
+        way = ("shell_link", "rplidar_link", (mount.x, mount.y, 0.0988), yaw(mount.yaw))
+        chosen.tree.add(*way, fixed=True)
+    mount, _, fault = chosen.choose("rplidar_link")
+    assert mount is None
+    assert fault == (
+        "TF says for good where rplidar_link sits, and says it otherwise too: end the publisher "
+        "that is wrong, and start this node again."
+    )
+
+
+def test_what_is_said_otherwise_of_frames_elsewhere_does_not_matter():
+    chosen = mounting("tf")
+    turtlebot4(chosen.tree)
+    for x in (0.0, 1.0):
+        chosen.tree.add("map", "odom", (x, 0.0, 0.0), STILL, fixed=True)
+        chosen.tree.add("base_link", "camera", (x, 0.0, 0.0), STILL, fixed=True)
+    assert chosen.choose("rplidar_link")[1:] == ("TF", "")
+
+
 def test_tf_that_moves_the_lidar_is_believed_no_more():
     chosen = mounting()
     turtlebot4(chosen.tree)

@@ -26,7 +26,7 @@ SIMULATION = ROOT / "ros_ws/src/cfnav_bringup/config/simulation.yaml"
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def test_a_goal_takes_a_robot_from_its_dock_and_back(
+def test_goals_take_a_robot_from_its_dock_and_back(
     start_process: Callable, eager_bundle: Path, ros_domain_id: int, tmp_path: Path
 ) -> None:
     params = tmp_path / "docked.yaml"
@@ -49,11 +49,15 @@ def test_a_goal_takes_a_robot_from_its_dock_and_back(
         client.wait(asked.server_is_ready, "the policy node")
         client.wait(lambda: statuses, "the dock's status")
         assert statuses[-1].is_docked
-        sent = asked.send_goal_async(NavigateToObject.Goal(goal="Sink", max_steps=1))
-        client.wait(sent.done, "the goal to be accepted")
-        future = sent.result().get_result_async()
-        client.wait(future.done, "the result")
-        result = future.result().result
+
+        def drive() -> NavigateToObject.Result:
+            sent = asked.send_goal_async(NavigateToObject.Goal(goal="Sink", max_steps=1))
+            client.wait(sent.done, "the goal to be accepted")
+            future = sent.result().get_result_async()
+            client.wait(future.done, "the result")
+            return future.result().result
+
+        result = drive()
         assert (result.outcome, result.steps) == ("step_limit", 1), result.message
         assert result.message == "1 decisions were made without Done."
         # The way from the dock and back is no part of the drive.
@@ -65,6 +69,9 @@ def test_a_goal_takes_a_robot_from_its_dock_and_back(
         away = [stamp_to_ns(s.header.stamp) for s in statuses if not s.is_docked]
         assert away[0] < stamp_to_ns(begun.header.stamp) < stamp_to_ns(ended.header.stamp)
         assert stamp_to_ns(ended.header.stamp) < stamp_to_ns(statuses[-1].header.stamp)
+        # The camera, off on the dock, has another publisher now.
+        again = drive()
+        assert (again.outcome, again.steps) == ("step_limit", 1), again.message
     finally:
         client.close()
     assert process.interrupt() == 0, process.output

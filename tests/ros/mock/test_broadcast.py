@@ -41,7 +41,7 @@ def test_time_goes_out_before_everything_of_its_moment():
         goal_visible=lambda: False,
         picture=lambda dt: np.zeros((32, 32, 3), np.uint8),
     )
-    robot = SimpleNamespace(out={topic: ear(topic) for topic in SAID})
+    robot = SimpleNamespace(out=SAID, say=lambda role, message: not sent.append(role))
     simulator_node = SimpleNamespace(truth=ear(TRUTH), estimate=ear(ESTIMATE))
     clock, parameters = RobotClock(), MockParameters()
     out = Broadcast(robot, simulator_node, stage, clock, FaultSchedule(), parameters, Robot())

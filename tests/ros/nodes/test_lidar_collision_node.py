@@ -260,6 +260,22 @@ def test_a_repeated_stamp_is_told_at_once_and_stamped_now(graph):
     assert answers()[0].header.stamp != stamp
 
 
+def test_a_stranger_on_tf_is_not_believed_before_the_robots_own_word(tmp_path, ros_domain_id):
+    process = start(ros_domain_id, tmp_path, "mount:=tf")
+    lidar, stranger = Lidar(ros_domain_id), Lidar(ros_domain_id)
+    try:
+        stranger.node.destroy_publisher(stranger.scans)
+        lidar.wait(lidar.scans.get_subscription_count, "the node to hear scans")
+        for who, way in ((lidar, math.pi / 2), (stranger, 0.0)):  # both latched, the last one wins
+            lidar.wait(who.transforms.get_subscription_count, "the node to hear TF")
+            who.transform(way)
+        blind(lidar, "TF says for good where rplidar_link sits, and says it otherwise too")
+    finally:
+        end(process)
+        stranger.close()
+        lidar.close()
+
+
 def test_the_mounting_comes_from_tf_as_soon_as_it_says(graph):
     lidar, _, log = graph
     assert "mask_bearings_deg is empty" not in log.read_text()

@@ -143,6 +143,7 @@ def test_words_of_one_who_has_left_are_not_taken(node, other, drives):
     spin_until(node, lambda: hears(1.0), "the base's odometry")
     if drives:
         senses.restart()
+        senses.hold()
         spin_until(node, lambda: hears(2.0), "odometry of the drive")
         assert senses.inputs.rival == ""
     before = senses.inputs.odometry
@@ -163,6 +164,65 @@ def test_words_of_one_who_has_left_are_not_taken(node, other, drives):
     assert senses.inputs.rival == ""
 
 
+def test_a_publisher_may_start_anew_until_the_robot_drives(node, other):
+    senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+
+    def base_says(x):
+        base = other.create_publisher(Odometry, "odom", 10)
+
+        def hears():
+            base.publish(odometry(x))
+            senses.look_for_rivals()
+            return senses.inputs.odometry.x == x
+
+        spin_until(node, hears, "the base's odometry")
+        return base
+
+    senses.restart()
+    other.destroy_publisher(base_says(1.0))
+    senses.release()
+    senses.restart()  # the next goal: nobody speaks, as the robot is on its dock
+    base = base_says(2.0)
+    assert senses.inputs.rival == ""
+    senses.hold()
+    other.destroy_publisher(base)
+    again = other.create_publisher(Odometry, "odom", 10)
+    wait_until(again.get_subscription_count, "the node to listen")
+    wait_until(lambda: node.count_publishers("odom") == 1, "the first one to be forgotten")
+    again.publish(odometry(3.0))
+    spin_until(node, lambda: senses.inputs.rival, "the other one to be noticed")
+    assert senses.inputs.odometry.x == 2.0
+
+
+def test_another_name_does_not_drive_the_robot_at_the_next_goal(node, other, ros_domain_id):
+    senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
+    base = other.create_publisher(Odometry, "odom", 10)
+
+    def hears(publisher, x):
+        publisher.publish(odometry(x))
+        senses.look_for_rivals()
+        return senses.inputs.odometry.x == x
+
+    spin_until(node, lambda: hears(base, 1.0), "the base's odometry")
+    senses.restart()
+    senses.hold()
+    other.destroy_publisher(base)
+    stranger = OwnNode(ros_domain_id, "stranger")
+    try:
+        false = stranger.node.create_publisher(Odometry, "odom", 10)
+        senses.release()
+        senses.restart()
+        said = "stranger publishes /odom now, other did in the drive before: end it"
+        spin_until(
+            node,
+            lambda: hears(false, 2.0) or senses.inputs.rival.startswith(said),
+            "the stranger's word",
+        )
+        assert senses.inputs.odometry.x != 2.0
+    finally:
+        stranger.close()
+
+
 def bump(*zones):
     kind = HazardDetection.BUMP
     return HazardDetectionVector(detections=[HazardDetection(type=kind) for _ in zones])
@@ -175,6 +235,7 @@ def test_one_who_has_left_cannot_free_the_bumper_but_press_it(node, other):
     base.publish(bump("front"))
     spin_until(node, lambda: senses.inputs.bumper.pressed, "the bump")
     senses.restart()
+    senses.hold()
     say_once_and_leave(other, "hazard_detection", bump())
     wait_until(lambda: node.count_publishers("hazard_detection") == 1, "the stranger to be gone")
     spin_until(node, lambda: senses.inputs.rival, "the stranger's words to be read")
