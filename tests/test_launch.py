@@ -187,6 +187,8 @@ def test_robot_starts_both_nodes_with_the_file_and_what_was_given(launch: Callab
         assert start["environment"]["ROS_DOMAIN_ID"] == "7"
     mast = run.start("static_transform_publisher")["arguments"]
     assert mast[:2] == ["--z", "1.3"]
+    file = Path(run.process.wait_for_line("parameters of (.+)$")[1])
+    assert file.read_text() == (BRINGUP / "config/robot.yaml").read_text()
     assert not run.starts("rviz2")
 
 

@@ -134,15 +134,31 @@ def test_every_parameter_named_exists() -> None:
     }
 
 
+def told_rows() -> list[str]:
+    """Sentences of the table of what preflight says."""
+    table = TEXT.partition("## What preflight says")[2]
+    return re.findall(r"^\| `([^`]+)` \|", table, re.MULTILINE)
+
+
 def test_every_sentence_of_the_table_is_said_by_the_code() -> None:
-    rows = re.findall(
-        r"^\| `([^`]+)` \|", TEXT.partition("## What preflight says")[2], re.MULTILINE
-    )
+    rows = told_rows()
     assert len(rows) > 10
     texts = source_texts()
     for row in rows[: rows.index("/cfnav/policy")] if "/cfnav/policy" in rows else rows:
         for piece in filter(str.strip, row.split("…")):
             assert any(piece.strip(" .;:") in text for text in texts), (row, piece)
+
+
+def test_every_sentence_about_who_speaks_is_in_the_table() -> None:
+    file = ROOT / "cfnav_ros/cfnav_ros/robot/speakers.py"
+    told = [node for node in ast.walk(ast.parse(file.read_text())) if type(node) is ast.JoinedStr]
+    texts = [
+        "".join(str(p.value) if isinstance(p, ast.Constant) else "…" for p in node.values)
+        for node in told
+    ]
+    sentences = {text for text in texts if text.endswith(".")}
+    assert len(sentences) > 2
+    assert sentences - set(told_rows()) == set()
 
 
 def test_every_link_leads_somewhere() -> None:

@@ -38,6 +38,10 @@ CMD_VEL_TYPES = ("auto", "stamped", "unstamped")
 MOUNTS = ("auto", "tf", "parameters")
 
 
+class UnknownRobotError(ValueError):
+    """No robot that is shipped has this name, and no file; the text is one sentence."""
+
+
 @dataclass(frozen=True)
 class Limits:
     """How fast the robot is driven; no more than its base can."""
@@ -114,14 +118,17 @@ def load_robot(given: str | Path = DEFAULT) -> Robot:
         given: the name of one that is shipped, or a file.
 
     Raises:
-        ValueError: there is none, or its file is of no use; one sentence.
+        UnknownRobotError: there is none.
+        ValueError: its file is of no use; one sentence.
     """
     path = SHIPPED / f"{given}.yaml" if given in robots() else Path(given)
     try:
         said = yaml.safe_load(path.read_text())
     except FileNotFoundError:
         known = ", ".join(robots())
-        raise ValueError(f"robot is {str(given)!r}, expected a file or one of {known}.") from None
+        raise UnknownRobotError(
+            f"robot is {str(given)!r}, expected a file or one of {known}."
+        ) from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ValueError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
     try:

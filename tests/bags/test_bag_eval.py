@@ -136,6 +136,18 @@ def test_the_robot_is_chosen_by_its_namespace(tmp_path, capsys):
     assert "The bag holds no topic in the namespace /r3, its robots are /r1, /r2." in told
 
 
+@pytest.mark.parametrize("params", [None, "robot.yaml"])
+def test_a_robot_that_is_not_known_is_told_from_one_of_a_bag(tmp_path, params):
+    options = {"params": params and tmp_path / params, "robot": "robot1"}
+    (tmp_path / "robot.yaml").write_text("policy_node: {ros__parameters: {robot: differential}}")
+    reason = (
+        r"^robot is 'robot1', expected a file or one of differential, .*; "
+        r"to choose one of the robots in a bag, use --namespace\.$"
+    )
+    with pytest.raises(ValueError, match=reason):
+        evaluate_bags(BagEvalConfig((moved(tmp_path / "bag"),), replay=False, **options))
+
+
 GO = (3.0, 0.2, 0.0, 0.2, 0.0)
 PUSH, REST = (3.0, 0.2, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0, 0.0)
 

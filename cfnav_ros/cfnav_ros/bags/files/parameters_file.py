@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from cfnav_core.robot.robot import Robot, load_robot
+from cfnav_core.robot.robot import Robot, UnknownRobotError, load_robot
 from cfnav_core.robot.settings import flat, leaves, settled
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.lidar.mounting import MOUNT
@@ -54,9 +54,11 @@ def read_parameters(path: Path | None, robot: str = "") -> RobotParameters:
         robot: name or file of the robot; that which the parameter file names when empty.
 
     Raises:
-        ParametersError: a file cannot be read, names neither node, or gives a node a parameter
-            that it does not have or refuses; one sentence.
+        ParametersError: there is no such robot, or a file cannot be read, names neither node, or
+            gives a node a parameter that it does not have or refuses; one sentence.
     """
+    if robot:
+        _check(robot)
     if path is None:
         return _settled({}, {}, robot)
     try:
@@ -76,6 +78,17 @@ def read_parameters(path: Path | None, robot: str = "") -> RobotParameters:
         return _settled(policy or {}, lidar or {}, robot)
     except ValueError as error:
         raise ParametersError(f"{path}: {error}") from None
+
+
+def _check(robot: str) -> None:
+    """Tell a robot that is not known from one of the robots in a bag."""
+    try:
+        load_robot(robot)
+    except UnknownRobotError as error:
+        hint = "to choose one of the robots in a bag, use --namespace."
+        raise ParametersError(f"{str(error).rstrip('.')}; {hint}") from None
+    except ValueError as error:
+        raise ParametersError(str(error)) from None
 
 
 def _settled(policy: dict[str, Any], lidar: dict[str, Any], robot: str) -> RobotParameters:

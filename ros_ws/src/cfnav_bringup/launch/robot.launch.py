@@ -13,8 +13,8 @@ from ament_index_python.packages import get_package_share_path
 from cfnav_ros.process.nodes import NODES, NodeStart, parts
 from cfnav_ros.process.parameter_file import parameter_file
 from cfnav_ros.process.processes import ENDS_WITH_PARENT
-from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
 
 from cfnav_core.robot.robot import Robot, load_robot
@@ -60,8 +60,8 @@ def node(part: NodeStart, file: str, common: dict) -> Node:
     )
 
 
-def nodes(context: LaunchContext) -> list[Node]:
-    """Make the nodes for the arguments given."""
+def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Make the nodes for the arguments given, and say which parameter file they read."""
     given = context.launch_configurations
     common = {
         "namespace": given["namespace"],
@@ -83,7 +83,8 @@ def nodes(context: LaunchContext) -> list[Node]:
         told |= {"bag": Path(given["bag"]).resolve(), "wait_for_recorder": True}
     started = parts([name for name, there in chosen.items() if there], told)
     robot = load_robot(given["robot"])
-    return [*(node(part, file, common) for part in started), *viewers(given, robot, common)]
+    made = [*(node(part, file, common) for part in started), *viewers(given, robot, common)]
+    return [LogInfo(msg=f"parameters of {file}"), *made]
 
 
 def viewers(given: dict[str, str], robot: Robot, common: dict) -> list[Node]:
