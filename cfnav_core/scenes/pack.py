@@ -10,7 +10,7 @@ from cfnav_core.scenes.check import check_room
 from cfnav_core.scenes.scene import SceneError
 from cfnav_core.scenes.store import BUILT_IN, StoreHead
 from cfnav_core.scenes.store_writer import StoreWriter
-from cfnav_core.task.rooms import FURNITURE, parse_rooms, rooms_in, split_of
+from cfnav_core.task.rooms import FURNITURE, furniture_of, parse_rooms, rooms_in, split_of
 
 
 def pack(folder: Path, split: str, out: Path) -> StoreHead:
@@ -34,6 +34,11 @@ def pack(folder: Path, split: str, out: Path) -> StoreHead:
         raise SceneError(
             f"found {kind}:{seed} in {folder}, which is in no split of {split} ({len(strange)} "
             "such); move it to another folder"
+        )
+    if len(kinds := sorted({furniture_of(kind) for kind, _ in rooms})) > 1:
+        raise SceneError(
+            f"found rooms of {' and '.join(kinds)} furniture in {folder}, expected one; move the "
+            "others to another folder"
         )
     writer = StoreWriter(out, BUILT_IN, f"built-in rooms, split as {split}", folder)
     there = set(writer.head.names())

@@ -9,6 +9,7 @@ how long the robot moved on, and when and why its goal ended.
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import sys
@@ -104,11 +105,12 @@ def _velocity(stamp: Any) -> TwistStamped:
 
 
 def _transforms(stamp: Any) -> TFMessage:
-    """The LiDAR looks backwards: what is ahead would be behind."""
+    """The LiDAR is turned by half a turn: what is ahead would be behind."""
     turned = TransformStamped(child_frame_id="rplidar_link")
     turned.header.stamp, turned.header.frame_id = stamp, "base_link"
-    turned.transform.rotation.z = -1.0
-    turned.transform.rotation.w = 0.0
+    turned.transform.translation.x = -0.04
+    turned.transform.rotation.z = -math.sqrt(0.5)
+    turned.transform.rotation.w = math.sqrt(0.5)
     return TFMessage(transforms=[turned])
 
 
@@ -152,7 +154,8 @@ ATTACKS = (
     Attack("sends odometry that stands, 50 Hz", "odom", _odometry, 50),
     Attack("sends black pictures, 15 Hz", "oakd/rgb/preview/image_raw", _picture, 15),
     Attack("says that nothing presses the bumper, 50 Hz", "hazard_detection", _hazards, 50),
-    Attack("says on tf_static that the LiDAR looks backwards, 10 Hz", "tf_static", _transforms, 10),
+    Attack("says on tf_static that the LiDAR is turned by half a turn, 10 Hz", "tf_static",
+           _transforms, 10),
     Attack("drives ahead, 20 Hz", "cmd_vel", _velocity, 20),
     Attack("drives ahead as a node named policy_node, 20 Hz", "cmd_vel", _velocity, 20,
            node="policy_node"),

@@ -100,7 +100,7 @@ def table(cells: Sequence[dict[str, Any]]) -> str:
 def _in_words(cell: dict[str, Any]) -> str:
     reaction, bound = cell["reaction"], cell["bound_s"]
     if len(cell["reactions"]) > 1:
-        reaction = ", ".join(f"{name} {count}" for name, count in cell["reactions"].items())
+        reaction = ", ".join(f"{name} ({count})" for name, count in cell["reactions"].items())
     reaction = reaction.replace("_", " ")
     times = ""
     if cell["reaction"] in ("stop", "degrade") and bound is not None:

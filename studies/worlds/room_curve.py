@@ -2,13 +2,14 @@
 
 One method learns in more and more rooms: each set holds the smaller ones, and as many rooms of each
 type and furniture. Everything else is the same, the number of episodes too. Policies are judged in
-the validation rooms, which also choose their checkpoints, and in the rooms that all have learned
-in; the distance of the two is how far they overfit. Test rooms stay sealed.
+validation rooms that did not choose their checkpoints, and in the rooms that all have learned in;
+the distance of the two is how far they overfit. Test rooms stay sealed.
 """
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -37,6 +38,9 @@ from studies.engine.pages import Cell, change, percent, table
 from studies.engine.pictures import COLOURS, CURVES, save_picture
 
 SPLIT = "worlds"
+VALIDATION = SPLITS[SPLIT]["validation"]
+CHOOSE = 2
+"""Of these seeds, so many choose checkpoints; the others judge."""
 KINDS = tuple(of_furniture(kind, name) for kind in ROOM_TYPES for name in (BUILT_IN, SWEET_HOME))
 
 
@@ -70,8 +74,7 @@ class RoomCurve:
     @cached_property
     def places(self) -> dict[str, tuple[str, ...]]:
         """Rooms that judge: those that nobody learns in, and those that everybody does."""
-        validation = (f"{SPLIT}:validation", f"{SWEET_HOME}.{SPLIT}:validation")
-        return {"new": validation, "known": rooms_of(min(self.counts))}
+        return {"new": named(VALIDATION[CHOOSE:]), "known": rooms_of(min(self.counts))}
 
     @property
     def conditions(self) -> dict[str, Any]:
@@ -96,7 +99,12 @@ def rooms_of(count: int) -> tuple[str, ...]:
             f"found {count} training rooms, expected a multiple of {len(KINDS)} (types and "
             f"furnitures) up to {len(seeds) * len(KINDS)}"
         )
-    return tuple(f"{kind}:{seeds[0]}-{seeds[each - 1]}" for kind in KINDS)
+    return named(seeds[:each])
+
+
+def named(seeds: Sequence[int]) -> tuple[str, ...]:
+    """Successive seeds of each type and furniture."""
+    return tuple(f"{kind}:{seeds[0]}-{seeds[-1]}" for kind in KINDS)
 
 
 def measure(study: RoomCurve) -> list[dict[str, Any]]:
@@ -130,9 +138,10 @@ def measure(study: RoomCurve) -> list[dict[str, Any]]:
 
 def _point(study: RoomCurve, count: int, rooms: tuple[str, ...], seed: int) -> dict[str, Any]:
     """Train in some rooms and judge."""
+    folder = study.out / f"rooms_{count}" / f"seed_{seed}"
     best = train(
         TrainOptions(
-            study.scenes, rooms, study.places["new"], study.out / f"rooms_{count}" / f"seed_{seed}",
+            study.scenes, rooms, named(VALIDATION[:CHOOSE]), folder,
             run=RunConfig.read(asdict(study.run) | {"seed": seed}),
             validation_every=study.validation_every,
             validation_episodes=study.validation_episodes, threads=study.threads,
@@ -163,6 +172,7 @@ def _judged(evaluation: Evaluation) -> dict[str, Any]:
             for name, of in ((BUILT_IN, ~sweet), (SWEET_HOME, sweet))
         },
         "predictor_auc": quality.get("predictor_auc"),
+        "episodes": evaluation.episodes.identity(evaluation.bank),
         "cf_success": [int(r.cf_success) for r in results],
         "in_room": rooms.tolist(),
     }
@@ -172,12 +182,21 @@ def gains(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """CF-SR in new rooms of each number of rooms minus that of the next smaller, by seed.
 
     Returns:
-        ``paired``'s figures with ``rooms`` and ``seed``; none for the smallest.
+        ``paired``'s figures with ``rooms`` and ``seed``; none for the smallest. The interval is
+        over rooms, of one run each.
+
+    Raises:
+        ValueError: the episodes differ, as the scenes were made anew between two runs.
     """
     found = []
     for seed in sorted({row["seed"] for row in rows}):
         of = sorted((row for row in rows if row["seed"] == seed), key=lambda row: row["rooms"])
         for fewer, more in pairwise(of):
+            if more["new"]["episodes"] != fewer["new"]["episodes"]:
+                raise ValueError(
+                    f"found other episodes for {more['rooms']} rooms than for {fewer['rooms']}: "
+                    "their scenes differ; choose another --out and measure both again"
+                )
             a, b = (np.array(row["new"]["cf_success"], bool) for row in (more, fewer))
             difference = paired(a, b, np.array(more["new"]["in_room"]))
             found.append({"rooms": more["rooms"], "seed": seed, **difference})
@@ -198,7 +217,7 @@ def as_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
         "CF-SR, new rooms": lambda row: (
             f"{row['new']['cf_sr']:.3f} {ends_text(row['new']['cf_sr_interval'])}"
         ),
-        "over fewer rooms [95 %], points": gain,
+        "over fewer rooms [95 % over rooms, one run each], points": gain,
         "built in, %": lambda row: percent(row["new"]["by_furniture"][BUILT_IN]),
         "Sweet Home, %": lambda row: percent(row["new"]["by_furniture"][SWEET_HOME]),
         "known rooms, %": lambda row: percent(row["known"]["cf_sr"]),
@@ -222,11 +241,13 @@ def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         "new, Sweet Home": lambda row: row["new"]["by_furniture"][SWEET_HOME],
     }
     counts = sorted({row["rooms"] for row in rows})
+    seeds = Counter(row["seed"] for row in rows)
+    whole = [row for row in rows if seeds[row["seed"]] == len(counts)] or rows
     with mpl.rc_context(CURVES):
         figure = Figure(figsize=(6.5, 3.8), layout="constrained")
         ax = figure.subplots()
         for (name, value), colour in zip(curves.items(), COLOURS, strict=False):
-            means = [np.mean([value(row) for row in rows if row["rooms"] == n]) for n in counts]
+            means = [np.mean([value(row) for row in whole if row["rooms"] == n]) for n in counts]
             ax.plot(counts, np.multiply(100, means), "-", color=colour, label=name)
             marks = np.array([(row["rooms"], 100 * value(row)) for row in rows])
             ax.plot(*marks.T, "o", color=colour, ms=4)

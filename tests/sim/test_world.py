@@ -158,11 +158,11 @@ def test_what_is_not_drawn_is_not_in_the_picture(monkeypatch, kind, name):
     states = np.random.default_rng(0).choice(len(grid.next_state), 30, replace=False)
     with Camera(world, CAMERAS[name]) as camera:
         some = [camera.picture(grid.pose(int(state))) for state in states]
-        left_out = [camera._renderer.scene.ngeom]
+        drawn = [camera._renderer.scene.ngeom]
         monkeypatch.setattr(camera, "_out_of_view", lambda axes: np.zeros(world.model.ngeom, bool))
         everything = [camera.picture(grid.pose(int(state))) for state in states]
-        left_out.append(camera._renderer.scene.ngeom)
-    assert left_out[0] < left_out[1]
+        drawn.append(camera._renderer.scene.ngeom)
+    assert drawn[0] < drawn[1]
     for a, b in zip(some, everything, strict=True):
         for part in ("rgb", "depth", "owner"):
             np.testing.assert_array_equal(getattr(a, part), getattr(b, part))

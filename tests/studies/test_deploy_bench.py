@@ -185,7 +185,7 @@ def test_a_summary_tells_of_every_run_of_a_cell(tmp_path):
     for own in mixed:
         own.update(fault="cmd_cut_1", stop_s=None, as_expected=True)
     text = matrix_report.table(matrix_report.summarise([*mixed, *late]))
-    assert "| degrade 2, ride through 1 |" in text
+    assert "| degrade (2), ride through (1) |" in text
     bound = cell("cmd_late_1", FaultPhase.DRIVING).end_s
     assert f"; ended 2.25 of {bound:.2f} |" in text
     matrix_report.draw([summary], tmp_path / "matrix.png")

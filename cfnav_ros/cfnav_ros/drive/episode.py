@@ -217,10 +217,10 @@ class Episode:
         """Wait until the base has left its dock, or is back on it; then go on, or end.
 
         Off the dock everything begins anew: sensors that slept there, and the odometry, which a
-        base may reset.
+        base may reset. Who else speaks matters to a drive only: on the dock drivers come and go.
         """
         leaves = self.phase is Phase.UNDOCK
-        self.fail(self._watch.forbids(replace(inputs, docked=False)))
+        self.fail(self._watch.forbids(replace(inputs, docked=False, rival="")))
         if self.ended:
             return
         failed = own.update(t, inputs.base.waiting, inputs.docked is not leaves)

@@ -23,6 +23,7 @@ import numpy as np
 from cfnav_ros.lidar.depth_memory import DepthMemory, DepthParameters, Place, body
 from cfnav_ros.lidar.estimate import Estimate, SweptDisc
 from cfnav_ros.lidar.frames import FrameTree
+from cfnav_ros.lidar.mounting import told_twice
 from cfnav_ros.lidar.sweep import ErrorModel, free_way, seen_probability
 from cfnav_ros.robot.depths import cloud_to_metres, depth_to_metres, thinning
 from cfnav_ros.robot.pinhole import Pinhole
@@ -191,6 +192,8 @@ class DepthWatch:
         self.known = float(np.mean(depth > 0))
         if fault := self._unseeing(stamp, message):
             return fault
+        if twice := self._tree.contradicted(self._base, camera.frame):
+            return told_twice(twice)
         pose = self._tree.pose(self._base, camera.frame)
         if pose is None:
             return _apart(self._base, camera.frame)

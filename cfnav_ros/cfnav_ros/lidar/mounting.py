@@ -43,6 +43,7 @@ class Mounting:
         self._source, self._parameters, self._given = source, parameters, given
         self._base, self._frame = base, frame
         self._believed: Mount | None = None
+        self._joined = ""
 
     def choose(self, frame: str) -> tuple[Mount | None, str, str]:
         """The mounting of the scanner in a frame.
@@ -59,17 +60,19 @@ class Mounting:
             return None, "", fault
         if self._source == "parameters":
             return self._said(frame)
+        if twice := self.tree.contradicted(self._base, frame):
+            return None, "", told_twice(twice)
         pose = self.tree.pose(self._base, frame)
+        if pose is None and self._joined == frame:
+            fault = (
+                f"TF joined {self._base} and {frame} before and does not now: end the publisher "
+                "that is wrong, and start this node again."
+            )
+            return None, "", fault
         if pose is None:
             if self._source == "auto":
                 return self._said(frame)
             return None, "", f"TF does not join {self._base} and {frame} yet."
-        if twice := self.tree.contradicted(self._base, frame):
-            fault = (
-                f"TF says for good where {twice} sits, and says it otherwise too: end the "
-                "publisher that is wrong, and start this node again."
-            )
-            return None, "", fault
         try:
             mount = planar_mount(pose)
         except ValueError as error:
@@ -82,7 +85,7 @@ class Mounting:
             )
             return None, "", fault
         if self._believed is None:
-            self._believed = mount
+            self._believed, self._joined = mount, frame
         if not agree(mount, self._believed):
             fault = (
                 f"TF put the LiDAR at {told(self._believed)} before and puts it at {told(mount)} "
@@ -112,6 +115,14 @@ def told(mount: Mount) -> str:
     """A mounting in words."""
     hung = ", upside down" if mount.upside_down else ""
     return f"({mount.x:.3f}, {mount.y:.3f}) m, yaw {math.degrees(mount.yaw):.0f} degrees{hung}"
+
+
+def told_twice(frame: str) -> str:
+    """What is wrong with a frame of ``FrameTree.contradicted``."""
+    return (
+        f"TF has two places for {frame}, one of them in tf_static: end the publisher that is "
+        "wrong, then start the LiDAR node again."
+    )
 
 
 class OwnParts:

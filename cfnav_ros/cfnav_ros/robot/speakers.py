@@ -60,25 +60,25 @@ class OneSpeaker:
             names = ", ".join(sorted(map(_named, speakers)))
             return f"{len(speakers)} nodes publish {self.topic} ({names}): end all but one."
         for speaker in speakers:
-            if self._known is None and self._is_strange(speaker):
+            if self._known is not None and speaker.gid != self._known.gid:
+                return f"{_named(speaker)} publishes {self.topic} now, in place of another one."
+            if speaker.node == UNKNOWN_NODE:
+                if self._trusted and self._known is None:
+                    return f"A publisher on {self.topic} has not said its name."
+                self._known = self._known or speaker
+                continue
+            if self._trusted and speaker.node != self._trusted:
                 return (
                     f"{speaker.node} publishes {self.topic} now, {self._trusted} did in the drive "
                     "before: end it, or start this node again if that is meant."
                 )
-            if self._known is None or speaker.gid == self._known.gid:
-                self._known = speaker  # its name may be discovered later than itself
-            else:
-                return f"{_named(speaker)} publishes {self.topic} now, in place of another one."
+            self._known = speaker  # its name may be discovered later than itself
         if met > 1:
             return (
                 f"Another publisher of {self.topic} came and went: whose words came meanwhile "
                 "cannot be told."
             )
         return ""
-
-    def _is_strange(self, speaker: Speaker) -> bool:
-        """Whether it has another name than the one that was trusted."""
-        return bool(self._trusted) and speaker.node not in (self._trusted, UNKNOWN_NODE)
 
 
 def _named(speaker: Speaker) -> str:

@@ -134,12 +134,17 @@ class Senses:
         """The robot drives: whoever speaks alone now is who must speak until ``release``."""
         if not self._drives:
             self._drives = True
-            for one in self._guarded.values():
-                one.trust()
+            self._trust()
 
     def release(self) -> None:
         """The episode is over: publishers may come and go."""
+        if self._drives:
+            self._trust()  # names may have been discovered meanwhile
         self._drives = False
+
+    def _trust(self) -> None:
+        for one in self._guarded.values():
+            one.trust()
 
     def look_for_rivals(self) -> None:
         """Ask the graph who speaks on each topic that safety hangs on."""

@@ -159,6 +159,7 @@ class Broadcast:
         runs = self.running["camera"] and not self._simulator.docked
         if runs is not self._camera_runs:
             self._camera_runs = runs
+            self._sent.pop(IMAGE, None)
             self._robot.run_camera(runs)
 
     def mounts(self) -> None:

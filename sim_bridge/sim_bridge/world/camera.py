@@ -132,14 +132,16 @@ class Camera:
         right = np.array([s, -c, 0.0])
         up = np.cross(right, forward)
         x, z = self._mount
-        # the model is shared with other cameras of the same world
+        # the model is shared with other cameras of the same world, and with its laser
         self._world.model.cam_fovy[self._id] = self.set_up.fov_deg[1]
         self._data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
         self._data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
         away = self._out_of_view(np.stack([right, up, forward]))
         self._world.model.geom_group[away] = TOUCH_ONLY
-        self._renderer.update_scene(self._data, self._id, self._option)
-        self._world.model.geom_group[:] = self._groups
+        try:
+            self._renderer.update_scene(self._data, self._id, self._option)
+        finally:
+            self._world.model.geom_group[:] = self._groups
         flags = self._renderer.scene.flags
         flags[mj.mjtRndFlag.mjRND_SHADOW] = flags[mj.mjtRndFlag.mjRND_REFLECTION] = 0
 

@@ -57,9 +57,19 @@ def test_a_name_that_is_not_discovered_yet_is_waited_for() -> None:
     assert one.look([STRANGER]) == ""  # nobody's name was trusted
     one.trust()
     one.forget()
-    assert one.look([Speaker(b"4", UNKNOWN_NODE)]) == ""
-    one.forget()
+    assert one.look([Speaker(b"4", UNKNOWN_NODE)]) == "A publisher on /scan has not said its name."
     assert one.look([Speaker(b"4", "lidar")]).startswith("lidar publishes /scan now, stranger did")
+    assert one.look([Speaker(b"5", "stranger")]) == ""
+
+
+def test_a_name_that_comes_in_the_drive_is_trusted_from_the_next_on() -> None:
+    one = OneSpeaker("/scan", "")
+    one.look([Speaker(b"1", UNKNOWN_NODE)])
+    one.trust()
+    assert one.look([Speaker(b"1", "lidar")]) == ""
+    one.trust()
+    one.forget()
+    assert one.look([STRANGER]).startswith("stranger publishes /scan now, lidar did")
 
 
 def test_one_who_came_and_went_is_noticed() -> None:

@@ -135,9 +135,24 @@ def test_what_tf_says_for_good_it_must_not_say_otherwise(last):
     mount, _, fault = chosen.choose("rplidar_link")
     assert mount is None
     assert fault == (
-        "TF says for good where rplidar_link sits, and says it otherwise too: end the publisher "
-        "that is wrong, and start this node again."
+        "TF has two places for rplidar_link, one of them in tf_static: end the publisher that is "
+        "wrong, then start the LiDAR node again."
     )
+
+
+@pytest.mark.parametrize("source", ["auto", "tf"])
+@pytest.mark.parametrize("parent", ["nowhere", "rplidar_link"])
+@pytest.mark.parametrize("fixed", [True, False])
+def test_who_takes_the_scanner_off_the_tree_does_not_bring_the_parameters_back(
+    source, parent, fixed
+):
+    chosen = mounting(source, parameters=Mount(0.0, 0.0, 0.0))
+    turtlebot4(chosen.tree)
+    assert chosen.choose("rplidar_link")[1] == "TF"
+    chosen.tree.add(parent, "rplidar_link", (0.0, 0.0, 0.0), STILL, fixed=fixed)
+    mount, _, fault = chosen.choose("rplidar_link")
+    assert mount is None
+    assert fault.startswith("TF joined base_link and rplidar_link before and does not now")
 
 
 def test_what_is_said_otherwise_of_frames_elsewhere_does_not_matter():

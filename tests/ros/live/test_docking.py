@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from tests.conftest import ROOT  # noqa: E402
 from tests.ros.own_node import OwnNode  # noqa: E402
 
 SIMULATION = ROOT / "ros_ws/src/cfnav_bringup/config/simulation.yaml"
+PICTURES = "oakd/rgb/preview/image_raw"
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -51,6 +53,8 @@ def test_goals_take_a_robot_from_its_dock_and_back(
         assert statuses[-1].is_docked
 
         def drive() -> NavigateToObject.Result:
+            silent = partial(client.node.count_publishers, PICTURES)
+            client.wait(lambda: silent() == 0, "the camera to be off, its publisher gone")
             sent = asked.send_goal_async(NavigateToObject.Goal(goal="Sink", max_steps=1))
             client.wait(sent.done, "the goal to be accepted")
             future = sent.result().get_result_async()
