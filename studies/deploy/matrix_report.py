@@ -163,10 +163,10 @@ def _draw_cell(axis: Any, x: int, y: int, cell: dict[str, Any]) -> None:
 
     axis.add_patch(Rectangle((x + 0.02, y + 0.05), 0.96, 0.9, color=colour))
     text = cell["reaction"]
-    if cell["reaction"] not in ("refuse", "ride_through") and cell["bound_s"] is not None:
+    if not cell["as_expected"]:
+        text = f"{cell['runs_as_expected']} of {cell['runs']} as expected"
+    elif cell["reaction"] not in ("refuse", "ride_through") and cell["bound_s"] is not None:
         timed = f" {cell['stop_s_max']:.2f} / {cell['bound_s']:.2f}" if cell["stops"] else ""
         text += timed or _unmeasured(cell).partition(",")[0]
-    elif not cell["as_expected"]:
-        text += f", not {cell['expected']}"
     text = text.replace("_", " ")
     axis.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7, color="white")
