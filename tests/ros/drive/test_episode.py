@@ -103,19 +103,29 @@ def test_without_veto_the_policy_is_obeyed():
 
 def test_live_limits_hold_at_once_and_others_from_the_next_episode_on():
     robot = Robot()
-    episode, policy = episode_of(*[Action.MoveAhead] * 3, Action.Done, max_steps=4)
+    episode, _ = episode_of(*[Action.MoveAhead] * 3, Action.Done, max_steps=4)
     robot.run(episode, until=driving)
     slow = MotionLimits(v_max=0.1, w_max=0.5, a_lin=0.1)
-    episode.adopt(EpisodeLimits(veto=False, max_steps=2, motion=slow))
+    episode.adopt(EpisodeLimits(max_steps=2, motion=slow))
     assert robot.tick(episode).command.v == pytest.approx(0.1)
-    robot.estimate = BLOCKED
     robot.run(episode)
     assert (episode.outcome, episode.steps, episode.vetoes) == ("done", 4, 0)
-    assert policy.given == [0.01, 0.97, 0.97, 0.97]
     begun = next(t for t, _ in robot.records if t > 104)
     speeds = [command.v for t, command in robot.commands if t > begun]
     assert max(speeds) == pytest.approx(0.1)
     assert any(speed == pytest.approx(0.05 + 0.5 * DT) for speed in speeds)  # a_lin is not live
+
+
+def test_nobody_takes_the_veto_away_while_the_robot_drives():
+    robot = Robot()
+    episode, policy = episode_of(*[Action.MoveAhead] * 3, Action.Done)
+    robot.run(episode, until=driving)
+    for weaker in (EpisodeLimits(veto=False), EpisodeLimits(veto_probability=1.0)):
+        episode.adopt(weaker)
+    robot.estimate = BLOCKED
+    robot.run(episode)
+    assert (episode.outcome, episode.steps, episode.vetoes) == ("done", 4, 2)
+    assert policy.given == [0.01, 0.97, 0.97, 0.97]
 
 
 def test_without_lidar_the_policy_is_given_its_own_probability():
