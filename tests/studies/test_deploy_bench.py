@@ -271,6 +271,14 @@ def test_the_camera_as_sold_is_asked_of_the_mock_and_does_not_tilt(tmp_path):
         assert of["policy_node"].get("other_camera", False) is not tilts
 
 
+def test_the_lag_of_commands_is_counted_in_real_time(tmp_path):
+    for speed, lag in ((0, None), (1, None), (2, 0.6), (1000, 10.0)):
+        policy = GraphConfig("kitchen:1", tmp_path, speed=speed).parts[-1]
+        assert (policy.executable, policy.parameters.get("episode.command_lag")) == (
+            "policy_node", lag
+        )  # fmt: skip
+
+
 def test_only_cells_of_depth_are_measured_on_a_robot_that_has_it(tmp_path, monkeypatch):
     asked = []
 

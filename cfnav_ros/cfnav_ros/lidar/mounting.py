@@ -66,7 +66,7 @@ class Mounting:
         if pose is None and self._joined == frame:
             fault = (
                 f"TF joined {self._base} and {frame} before and does not now: end the publisher "
-                "that is wrong, and start this node again."
+                "that is wrong, then start the LiDAR node again."
             )
             return None, "", fault
         if pose is None:
@@ -89,7 +89,7 @@ class Mounting:
         if not agree(mount, self._believed):
             fault = (
                 f"TF put the LiDAR at {told(self._believed)} before and puts it at {told(mount)} "
-                "now: end the publisher that is wrong, and start this node again."
+                "now: end the publisher that is wrong, then start the LiDAR node again."
             )
             return None, "", fault
         return mount, "TF", ""

@@ -234,7 +234,8 @@ def run_trial(graph: RosGraph, trial: Trial, max_steps: int = 0) -> Outcome:
     sign = _SIGNS.get((outcome.success, outcome.cf_success), "✗ missed")
     print(
         f"{title}: {sign} ({outcome.outcome}, {outcome.steps} steps, "
-        f"{outcome.path_length_m:.2f} m, collisions {outcome.collisions})",
+        f"{outcome.path_length_m:.2f} m, collisions {outcome.collisions})"
+        + (f": {graph.message}" if outcome.outcome != "done" else ""),
         flush=True,
     )
     return outcome

@@ -42,7 +42,7 @@ NODES: dict[str, NodeKind] = {
         "cfnav_ros",
         (
             *SHARED, "bundle", "goal", "wait_for_recorder", "lock_step", "sample_seed",
-            "other_camera", "episode.veto", "episode.p_hat",
+            "other_camera", "episode.veto", "episode.p_hat", "episode.command_lag",
         ),
     ),
     "markers_node": NodeKind("cfnav_ros", SHARED, "nothing"),

@@ -70,7 +70,7 @@ class OneSpeaker:
             if self._trusted and speaker.node != self._trusted:
                 return (
                     f"{speaker.node} publishes {self.topic} now, {self._trusted} did in the drive "
-                    "before: end it, or start this node again if that is meant."
+                    "before: end it, or start the policy node again if that is meant."
                 )
             self._known = speaker  # its name may be discovered later than itself
         if met > 1:

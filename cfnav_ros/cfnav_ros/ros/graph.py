@@ -37,6 +37,7 @@ from cfnav_core.robot.topics import TOPICS
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.p_hat import SOURCES, PHat
 from cfnav_core.task.vocabulary import CATEGORIES
+from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.outcome import Outcome
 from cfnav_ros.process.domains import Domain
 from cfnav_ros.process.nodes import NodeStart, parts
@@ -115,12 +116,15 @@ class GraphConfig:
         """The nodes and what each is told, in the order in which they start."""
         told = "truth" in SOURCES[self.p_hat].needs
         lidar = [] if told else ["lidar_collision_node"]
+        # What this machine takes for a command is as many times longer in simulated time.
+        lag = min(EpisodeLimits().command_lag * self.speed, 10.0) if self.speed > 1 else None
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),
             "camera": self.camera, "depth": self.depth or None,
             "visual_shift": float(self.visual_shift),
             "true_estimate": told or None, "lock_step": self.lock_step, "use_sim_time": True,
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
+            "episode.command_lag": lag,
             "sample_seed": self.sample_seed, "other_camera": self.camera != "mast" or None,
             "bundle": self.bundle and find_bundle(self.bundle).resolve(),
         }  # fmt: skip
@@ -152,6 +156,8 @@ class RosGraph:
         """Of the last episode: true x and y (m) and collisions so far, every ``TRACK_M``."""
         self.map: OccupancyGrid | None = None
         """Of the room of the last episode, when tracks are followed."""
+        self.message = ""
+        """Why the last episode ended, one sentence."""
         self._episodes = 0
 
     def __enter__(self) -> RosGraph:
@@ -250,6 +256,7 @@ class RosGraph:
         """
         self.track.clear()
         result = self.navigate(goal, max_steps, on_step)
+        self.message = result.message
         if result.outcome == "refused":
             raise GraphError(f"the policy node refused the goal {goal!r}: {result.message}")
         self._episodes += 1

@@ -72,23 +72,13 @@ def test_a_room_of_no_split_is_named(rooms, tmp_path):
 
 def test_rooms_of_another_furniture_make_a_store_of_their_own(rooms, tmp_path):
     other = tmp_path / "other"
-    for seed in (300, 100):
-        scene = replace(
-            hall(4, 3, seed=seed, name=f"sweet_home.kitchen:{seed}"),
-            source="models",
-            room_type="kitchen",
-        )
-        scene.save(room_folder(other, "sweet_home.kitchen", seed))
+    for folder, seed in ((other, 300), (other, 100), (rooms, 0), (rooms, 20)):
+        scene = hall(4, 3, seed=seed, name=f"sweet_home.kitchen:{seed}")
+        scene = replace(scene, source="models", room_type="kitchen")
+        scene.save(room_folder(folder, "sweet_home.kitchen", seed))
     head = pack(other, "worlds", tmp_path / "store")
     assert head.names() == ["sweet_home.kitchen:100", "sweet_home.kitchen:300"]
     assert scene_names(tmp_path / "store", ["test"]) == ["sweet_home.kitchen:300"]
-    for seed in (0, 20):
-        scene = replace(
-            hall(4, 3, seed=seed, name=f"sweet_home.kitchen:{seed}"),
-            source="models",
-            room_type="kitchen",
-        )
-        scene.save(room_folder(rooms, "sweet_home.kitchen", seed))
     with pytest.raises(SceneError, match=r"found rooms of built_in and sweet_home furniture in "):
         pack(rooms, "data2", tmp_path / "both")
     assert not list(tmp_path.glob("both*"))

@@ -42,7 +42,7 @@ def test_another_name_does_not_stand_in_for_one_that_was_trusted() -> None:
     one.forget()
     reason = (
         "stranger publishes /collision/estimate now, lidar_collision_node did in the drive before: "
-        "end it, or start this node again if that is meant."
+        "end it, or start the policy node again if that is meant."
     )
     assert one.look([STRANGER]) == reason
     assert one.look([STRANGER]) == reason

@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,6 +19,9 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 
 from cfnav_ros.bags.evaluation import JudgeOptions, evaluate  # noqa: E402
 from cfnav_ros.bags.judge.outcomes import live_outcome  # noqa: E402
+from cfnav_ros.drive.outcome import Outcome  # noqa: E402
+from cfnav_ros.live.demo import run_trial  # noqa: E402
+from cfnav_ros.live.plan import Trial  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 
@@ -91,6 +95,16 @@ def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
     assert "eager: the same" in page
     # On a busy machine the transport may lose a few pictures.
     assert sum(len(drive.pictures) for drive in evaluation.drives) > 0.7 * 3 * 7
+
+
+def test_a_drive_that_did_not_end_by_itself_says_why(capsys: pytest.CaptureFixture) -> None:
+    why = "The newest picture is 3.00 s old (limit 1 s): start the camera's driver again."
+    for ended, told in (("aborted", f": {why}"), ("done", "")):
+        outcome = Outcome("Mug", "kitchen:0", ended, False, 0, False, 3, 0.5, 1.0)
+        graph = SimpleNamespace(run_episode=lambda *_, made=outcome: made, message=why)
+        run_trial(graph, Trial("kitchen:0", "Mug", 0))
+        line = f"kitchen:0 Mug: ✗ missed ({ended}, 3 steps, 0.50 m, collisions 0){told}\n"
+        assert capsys.readouterr().out == line
 
 
 def test_goals_that_the_camera_does_not_see_are_left_out_and_told(
