@@ -173,11 +173,8 @@ def _render(kind: str, seed: int, look: Look, percept: Percept) -> tuple[Offline
     with Camera(world, look.camera) as camera:
         for state in range(states):
             pose = grid.pose(state)
-            picture = camera.picture(pose)
-            pictures[state] = percept.preprocess(shifted(picture.rgb, look.visual_shift))
-            visible[state] = camera.visible_categories(
-                pose, picture.pixels(len(world.room.objects))
-            )
+            pictures[state] = percept.preprocess(shifted(camera.rgb(pose), look.visual_shift))
+            visible[state] = camera.visible_categories(pose)
     visible = _of(objects, visible)
     often = visible.sum(0) >= MIN_GOAL_STATES
     none = np.empty((states, 0), np.float16)
@@ -210,8 +207,7 @@ def sampled_visible(
     from sim_bridge.world.camera import Camera
 
     with Camera(world, camera) as look:
-        poses = [grid.pose(int(state)) for state in states]
-        seen = [look.visible_categories(pose, look.owner_pixels(pose)) for pose in poses]
+        seen = [look.visible_categories(grid.pose(int(state))) for state in states]
     return _of(objects, np.stack(seen))
 
 

@@ -9,7 +9,7 @@ from types import TracebackType
 import numpy as np
 
 from cfnav_core.task.camera import MAST, CameraSetUp
-from cfnav_core.task.visibility import visible
+from cfnav_core.task.visibility import VISIBLE_DISTANCE_M, visible
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.world.groups import TOUCH_ONLY
 from sim_bridge.world.world import Pose, World
@@ -67,6 +67,9 @@ class Camera:
         )
         self._footprint = np.array([o.footprint for o in objects])
         self._groups = model.geom_group.copy()
+        seen = self._option.geomgroup[self._groups] > 0
+        is_goal = np.append(self._category >= 0, False)
+        self._shows = np.where(seen & is_goal[world.geom_owner], world.geom_owner, -1)
         # a plane has no bounding sphere
         self._reach = np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
@@ -106,26 +109,57 @@ class Camera:
         self._aim(pose or self._world.pose)
         return np.bincount(self._owners().ravel() + 1, minlength=len(self._category) + 1)[1:]
 
-    def visible_categories(self, pose: Pose, owner_pixels: np.ndarray) -> np.ndarray:
-        """Bool [C]: which categories are visible, given every object's pixels at the pose.
+    def visible_categories(
+        self, pose: Pose | None = None, owner_pixels: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Bool [C]: which categories are visible at a pose (the robot's own when None).
+
+        Args:
+            pose: of the robot.
+            owner_pixels: of every object, where they are known; else what is near is looked at.
 
         Source: ``cfnav_core.task.visibility.visible``.
         """
+        pose = pose or self._world.pose
         x0, y0, x1, y1 = self._footprint.T
         dx = np.maximum(np.maximum(x0 - pose.x, pose.x - x1), 0)
         dy = np.maximum(np.maximum(y0 - pose.y, pose.y - y1), 0)
+        distance = np.hypot(dx, dy)
+        if owner_pixels is None:
+            owner_pixels = self._near_pixels(pose, distance <= VISIBLE_DISTANCE_M)
         area = self._shape[0] * self._shape[1]
-        seen = visible(owner_pixels, np.hypot(dx, dy), area) & (self._category >= 0)
+        seen = visible(owner_pixels, distance, area) & (self._category >= 0)
         out = np.zeros(len(CATEGORIES), bool)
         out[self._category[seen]] = True
         return out
 
     def goal_visible(self, goal: str, pose: Pose | None = None) -> bool:
         """Whether a category is visible at a pose (the robot's own when None)."""
-        pose = pose or self._world.pose
-        return bool(self.visible_categories(pose, self.owner_pixels(pose))[CATEGORIES.index(goal)])
+        return bool(self.visible_categories(pose)[CATEGORIES.index(goal)])
+
+    def _near_pixels(self, pose: Pose, near: np.ndarray) -> np.ndarray:
+        """int64 [objects]: pixels of the near ones that can be goals; others may be missing.
+
+        What lies behind all of them hides none and is not drawn.
+        """
+        nothing = np.zeros(len(self._category), np.int64)
+        if not near[self._category >= 0].any():
+            return nothing
+        axes = self._place(pose)
+        away = self._out_of_view(axes)
+        wanted = ~away & (self._shows >= 0) & near[self._shows]
+        if not wanted.any():
+            return nothing
+        distance = np.linalg.norm(self._data.geom_xpos - self._data.cam_xpos[0], axis=1)
+        last = (distance + self._reach)[wanted].max()
+        self._gather(away | (distance - self._reach > last))
+        return np.bincount(self._owners().ravel() + 1, minlength=len(nothing) + 1)[1:]
 
     def _aim(self, pose: Pose) -> None:
+        self._gather(self._out_of_view(self._place(pose)))
+
+    def _place(self, pose: Pose) -> np.ndarray:
+        """Put the camera at a pose; right, up and forward of it, one in each row."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         ct, st = math.cos(pose.tilt), math.sin(pose.tilt)
         forward = np.array([ct * c, ct * s, st])
@@ -136,7 +170,10 @@ class Camera:
         self._world.model.cam_fovy[self._id] = self.set_up.fov_deg[1]
         self._data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
         self._data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
-        away = self._out_of_view(np.stack([right, up, forward]))
+        return np.stack([right, up, forward])
+
+    def _gather(self, away: np.ndarray) -> None:
+        """Bring into the scene what is to be drawn: all but some geoms, bool [geoms]."""
         self._world.model.geom_group[away] = TOUCH_ONLY
         try:
             self._renderer.update_scene(self._data, self._id, self._option)
@@ -151,7 +188,7 @@ class Camera:
         MuJoCo would draw what is behind the camera as well.
 
         Args:
-            axes: right, up and forward of the camera, one in each row.
+            axes: of ``_place``.
         """
         right, up, forward = axes @ (self._data.geom_xpos - self._data.cam_xpos[0]).T
         steep = math.tan(math.radians(self.set_up.fov_deg[1]) / 2)

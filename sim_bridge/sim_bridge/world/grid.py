@@ -148,7 +148,7 @@ def sightings(
     for state in np.random.default_rng(0).permutation(len(grid.next_state)):
         if any(near[goal][state] and count[goal] < enough for goal in near):
             pose = grid.pose(int(state))
-            seen = camera.visible_categories(pose, camera.owner_pixels(pose))
+            seen = camera.visible_categories(pose)
             for goal in near:
                 count[goal] = min(enough, count[goal] + int(seen[CATEGORY_ID[goal]]))
     return count
