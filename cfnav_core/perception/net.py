@@ -13,6 +13,7 @@ from cfnav_core.perception.augment import Labelled
 from cfnav_core.perception.describe import describe
 from cfnav_core.perception.perception import FEATURES, MAPS
 from cfnav_core.perception.sight import FROM_MAST, Sight
+from cfnav_core.perception.trunk import DEEP, FINE, Trunk
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.detections import SCORES
 from cfnav_core.task.vocabulary import CATEGORIES
@@ -21,9 +22,9 @@ MIN_CELL_PIXELS = 3
 """A cell shows a category when at least this many of its 256 full-size pixels belong to it."""
 
 
-def _block(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
+def _block(inputs: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False),
+        nn.Conv2d(inputs, outputs, 3, 1, 1, bias=False),
         nn.BatchNorm2d(outputs),
         nn.ReLU(inplace=True),
     )
@@ -34,17 +35,20 @@ class PerceptionNet(nn.Module):
 
     Deliberately without a collision output: collisions are the predictor's task, and a trunk that
     was told about them would hand every method the answer.
+
+    Args:
+        objects: categories.
+        sight: of the camera.
+        trunk: what looks at the picture first; one with random weights when None.
     """
 
-    def __init__(self, objects: int = len(CATEGORIES), sight: Sight = FROM_MAST) -> None:
+    def __init__(
+        self, objects: int = len(CATEGORIES), sight: Sight = FROM_MAST, trunk: Trunk | None = None
+    ) -> None:
         super().__init__()
-        self.objects, self.sight = objects, sight
-        self.stem = nn.Sequential(
-            nn.Conv2d(3, 40, 4, 4, 1, bias=False), nn.BatchNorm2d(40), nn.ReLU(inplace=True)
-        )
-        self.middle = nn.Sequential(_block(40, 80, 2), _block(80, 96))
-        self.deep = nn.Sequential(_block(96 + 2, 128, 2), _block(128, 128))
-        self.detail, self.context = nn.Conv2d(96, 2 * objects, 1), nn.Conv2d(128, 2 * objects, 1)
+        self.objects, self.sight, self.trunk = objects, sight, trunk or Trunk()
+        self.fine, self.deep = _block(FINE, 64), _block(DEEP + 2, 128)
+        self.detail, self.context = nn.Conv2d(64, 2 * objects, 1), nn.Conv2d(128, 2 * objects, 1)
         self.squeeze = nn.Sequential(
             nn.Conv2d(128, 24, 1), nn.ReLU(inplace=True), nn.Flatten(),
             nn.Linear(24 * math.prod(sight.coarse), FEATURES), nn.ReLU(inplace=True),
@@ -53,8 +57,8 @@ class PerceptionNet(nn.Module):
         for maps, prior in ((self.detail, -3.0), (self.context, -2.0)):
             assert maps.bias is not None
             nn.init.constant_(maps.bias, prior)
-        down, across = (torch.linspace(-1, 1, cells) for cells in sight.heat)
-        where = torch.stack([across[None].expand(sight.heat), down[:, None].expand(sight.heat)])
+        down, across = (torch.linspace(-1, 1, cells) for cells in sight.coarse)
+        where = torch.stack([across[None].expand(sight.coarse), down[:, None].expand(sight.coarse)])
         self.where: Tensor
         self.register_buffer("where", where[None])
 
@@ -69,10 +73,10 @@ class PerceptionNet(nn.Module):
             logits "shown" [N, C, *Q], logits "visible here" [N, C, *Q],
             features [N, 256], geometry [N, 2, *R] (log metres; floor logit).
         """
-        middle = self.middle(self.stem(pictures))
-        deep = self.deep(torch.cat([middle, self.where.expand(middle.shape[0], -1, -1, -1)], 1))
+        fine, deep = self.trunk(pictures)
+        deep = self.deep(torch.cat([deep, self.where.expand(deep.shape[0], -1, -1, -1)], 1))
         context = F.interpolate(self.context(deep), size=self.sight.heat, mode="nearest")
-        maps = self.detail(middle) + context
+        maps = self.detail(self.fine(fine)) + context
         features = self.squeeze(deep)
         geometry = self.geometry(features).view(-1, 2, *self.sight.coarse)
         return maps[:, : self.objects], maps[:, self.objects :], features, geometry

@@ -14,23 +14,23 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.stats import rankdata
 from tqdm import tqdm
 
 from cfnav_core.files.checkpoint import load_state, save_state
 from cfnav_core.perception.augment import Labelled, augment
+from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
 from cfnav_core.perception.picture_set import FIELDS, PictureSet
 from cfnav_core.perception.sight import Sight
+from cfnav_core.perception.trunk import Trunk
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.rooms import furniture_of
-from cfnav_core.task.vocabulary import CATEGORIES
 
 HELD_OUT_EVERY = 20
 """The last of so many seeds is held out."""
 ROOMS_A_BATCH = 16
-SHOWN_PIXELS = 12
-"""Of an object in the cell that shows most of it, from which it counts as shown."""
+TRUNK_RATE = 0.1
+"""Learning rate of the trunk, as a share: it has seen photographs, and is to remember them."""
 LEAST_SETS = 4
 RESCAN_S, COMING_S = 30.0, 300.0
 """How often new sets are looked for, and how long the next one may take, seconds."""
@@ -58,6 +58,9 @@ class PerceptionOptions:
     """CPU threads."""
     bfloat16: bool = False
     """Multiply in bfloat16: nearly twice as fast where the CPU has AMX, slower where it has not."""
+    photographs: bool = True
+    """Begin with first layers that learnt from photographs (perception.trunk); else with random
+    ones."""
     checkpoint_s: float = 120.0
     """Seconds between checkpoints."""
 
@@ -148,13 +151,6 @@ def learning_rate(progress: float, peak: float) -> float:
     return peak * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * fall)))
 
 
-def area_under_roc(score: np.ndarray, label: np.ndarray) -> float:
-    """Chance that a positive scores above a negative, ties half; both must be present."""
-    positives = int(label.sum())
-    ranks = rankdata(score)[label].sum() - positives * (positives + 1) / 2
-    return float(ranks / (positives * (len(label) - positives)))
-
-
 def _scores(net: PerceptionNet, folders: list[Path]) -> Iterator[tuple[np.ndarray, ...]]:
     """Of each set: scores "shown" and "near" [N, C], whether they are so, and depth errors."""
     for folder in folders:
@@ -168,7 +164,7 @@ def _scores(net: PerceptionNet, folders: list[Path]) -> Iterator[tuple[np.ndarra
             )
             yield (
                 torch.sigmoid(shown.amax((2, 3))).numpy(), torch.sigmoid(near.amax((2, 3))).numpy(),
-                (batch.heat.amax((2, 3)) >= SHOWN_PIXELS).numpy(), batch.visible.bool().numpy(),
+                shown_in(pictures.heat[index]), pictures.visible[index],
                 ((geometry[:, 0].exp() - batch.depth).abs() / batch.depth).mean((1, 2)).numpy(),
             )  # fmt: skip
 
@@ -182,20 +178,9 @@ def report(net: PerceptionNet, folders: list[Path]) -> dict[str, object]:
     )
     net.train()
 
-    def mean_auc(score: np.ndarray, truth: np.ndarray) -> float:
-        enough = [c for c in range(len(CATEGORIES)) if 10 <= truth[:, c].sum() < len(truth)]
-        return float(np.mean([area_under_roc(score[:, c], truth[:, c]) for c in enough]))
-
-    def f1(c: int | slice) -> float:
-        hit = near[:, c] > 0.5
-        return float(2 * (hit & is_near[:, c]).sum() / max(1, hit.sum() + is_near[:, c].sum()))
-
-    often = [c for c in range(len(CATEGORIES)) if is_near[:, c].sum() >= 10]
     return {
         "rooms": len(folders), "pictures": len(depth),
-        "shown_auc_mean": mean_auc(shown, is_shown), "near_auc_mean": mean_auc(near, is_near),
-        "near_f1": f1(slice(None)),
-        "near_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in often},
+        **agreement(shown, near, is_shown, is_near),
         "depth_relative_error": float(depth.mean()),
     }  # fmt: skip
 
@@ -211,10 +196,20 @@ def train(options: PerceptionOptions) -> dict[str, object]:
     shelf.wait(options.wait_for)
     camera = shelf.camera
     torch.manual_seed(options.seed)
-    net = PerceptionNet(sight=Sight.of(camera))
+    net = PerceptionNet(
+        sight=Sight.of(camera), trunk=Trunk.from_photographs() if options.photographs else None
+    )
+    if options.photographs:
+        net.trunk.keep_first()
     # torch does not type this form of Module.to
     net = net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    optimizer = torch.optim.AdamW(net.parameters(), options.lr, weight_decay=1e-2, fused=True)
+    trunk = [weight for weight in net.trunk.parameters() if weight.requires_grad]
+    head = [weight for name, weight in net.named_parameters() if not name.startswith("trunk.")]
+    groups = [
+        {"params": head, "share": 1.0},
+        {"params": trunk, "share": TRUNK_RATE if options.photographs else 1.0},
+    ]
+    optimizer = torch.optim.AdamW(groups, options.lr, weight_decay=1e-2, fused=True)
     checkpoint = options.out.with_suffix(".checkpoint")
     seen = load_state(checkpoint, net, optimizer) if checkpoint.exists() else 0
     bar = tqdm(total=options.pictures, initial=seen, unit="picture", mininterval=10)
@@ -226,7 +221,7 @@ def train(options: PerceptionOptions) -> dict[str, object]:
         generator = torch.Generator().manual_seed(options.seed * 1_000_003 + seen)
         batch = augment(shelf.batch(options.batch, rng), generator)
         for group in optimizer.param_groups:
-            group["lr"] = learning_rate(seen / options.pictures, options.lr)
+            group["lr"] = group["share"] * learning_rate(seen / options.pictures, options.lr)
         with torch.autocast("cpu", torch.bfloat16, enabled=options.bfloat16):
             output = net(batch.pictures.contiguous(memory_format=torch.channels_last))
         shown, near, features, geometry = (part.float() for part in output)

@@ -2,5 +2,5 @@
 
 No picture and no detector lies here: both are fetched out of packages (``studies.eyes.fetch``).
 
-May import: cfnav_core, sim_bridge, studies.engine.
+May import: cfnav_core, sim_bridge, studies.engine, torch.
 """

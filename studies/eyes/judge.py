@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
+from cfnav_core.perception.judge import area_under_roc
 from cfnav_core.task.vocabulary import CATEGORIES
 
 ENOUGH = 3
@@ -46,7 +46,7 @@ class Judgement:
     asked: int
 
 
-def area_under_roc(scores: np.ndarray, labels: np.ndarray) -> float:
+def auc_of_clear(scores: np.ndarray, labels: np.ndarray) -> float:
     """Chance that a picture that shows a thing scores above one that does not, ties half.
 
     Args:
@@ -57,12 +57,7 @@ def area_under_roc(scores: np.ndarray, labels: np.ndarray) -> float:
         NaN without both kinds.
     """
     known = labels >= 0
-    shown = labels[known] == 1
-    positives, negatives = int(shown.sum()), int((~shown).sum())
-    if not positives or not negatives:
-        return float("nan")
-    ranks = rankdata(scores[known])[shown].sum() - positives * (positives + 1) / 2
-    return float(ranks / (positives * negatives))
+    return area_under_roc(scores[known], labels[known] == 1)
 
 
 def judge(
@@ -89,7 +84,7 @@ def judge(
     shown, absent = (labels == 1) & known, (labels == 0) & known
 
     def mean_auc(index: np.ndarray) -> float:
-        of = [area_under_roc(scores[index, c], labels[index, c]) for c in counted]
+        of = [auc_of_clear(scores[index, c], labels[index, c]) for c in counted]
         return float(np.nanmean(of)) if of and not np.isnan(of).all() else float("nan")
 
     def recalled(index: np.ndarray) -> float:
@@ -101,7 +96,7 @@ def judge(
     every = np.arange(len(scores))
     right, wrong = int((hit & shown).sum()), int((hit & absent).sum())
     return Judgement(
-        auc={CATEGORIES[c]: area_under_roc(scores[:, c], labels[:, c]) for c in some},
+        auc={CATEGORIES[c]: auc_of_clear(scores[:, c], labels[:, c]) for c in some},
         mean_auc=mean_auc(every), mean_auc_interval=interval(mean_auc, len(scores), seed),
         threshold=threshold,
         recall=recalled(every), recall_interval=interval(recalled, len(scores), seed),
@@ -143,8 +138,8 @@ def difference(
 
     def gain(index: np.ndarray) -> float:
         of = [
-            area_under_roc(first[index, c], labels[index, c])
-            - area_under_roc(second[index, c], labels[index, c])
+            auc_of_clear(first[index, c], labels[index, c])
+            - auc_of_clear(second[index, c], labels[index, c])
             for c in counted
         ]
         return float(np.nanmean(of)) if of and not np.isnan(of).all() else float("nan")

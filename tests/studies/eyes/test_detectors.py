@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import onnx
 import pytest
 from onnx import TensorProto, helper
 
-from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes import encoder
 from studies.eyes.detectors import (
-    BGR_DEVIATION,
-    BGR_MEAN,
     COCO,
     COCO_IDS,
     Detector,
@@ -96,45 +91,7 @@ def test_coco_ssd_gives_top_before_left_and_counts_to_90(tmp_path):
     assert phone.box == pytest.approx((20, 10, 90, 50))
 
 
-def backbone(path, channels=256):
-    """Two convolutions of an averaged picture, joined, and a head behind them."""
-    weight = np.random.default_rng(0).normal(size=(channels, 3, 32, 32)).astype(np.float32) / 1000
-    conv = {"kernel_shape": [32, 32], "strides": [32, 32]}
-    return save(
-        [
-            helper.make_node("Conv", ["input_1:0", "first"], ["a"], auto_pad="SAME_UPPER", **conv),
-            helper.make_node("Conv", ["input_1:0", "second"], ["b"], auto_pad="SAME_UPPER", **conv),
-            helper.make_node("Concat", ["a", "b"], ["stage"], axis=1),
-            helper.make_node("Relu", ["stage"], ["Identity:0"]),
-        ],
-        [helper.make_tensor_value_info("input_1:0", TensorProto.FLOAT, [1, 3, 64, 64])],
-        [helper.make_tensor_value_info("Identity:0", TensorProto.FLOAT, [1, 2 * channels, 2, 2])],
-        {"first": weight, "second": -weight},
-        path,
-    )
-
-
-def test_the_encoder_is_the_backbone_behind_its_own_normalisation(tmp_path):
-    made = backbone(tmp_path / "nanodet.onnx")
-    encoder.cut(made, tmp_path / "encoder.onnx", 40)
-    network = OnnxPerception(tmp_path / "encoder.onnx")
-    assert network.gives.features == (512, 2, 2)
-    assert network.gives.objects == ()
-    pictures = np.random.default_rng(1).integers(0, 256, (3, 40, 40, 3), np.uint8)
-    found = network(pictures).features
-    assert found.shape == (3, 512, 2, 2)
-    weight = onnx.numpy_helper.to_array(onnx.load(made).graph.initializer[0])
-    padded = np.pad(
-        (pictures[1, ..., ::-1] - BGR_MEAN) / BGR_DEVIATION, ((12, 12), (12, 12), (0, 0))
-    )
-    expected = np.einsum("hwc,kchw->k", padded[:32, 32:], weight)
-    assert found[1, :256, 0, 1] == pytest.approx(expected, abs=2e-3)
-
-
 def test_another_network_is_refused(tmp_path):
-    made = backbone(tmp_path / "small.onnx", channels=8)
-    with pytest.raises(ValueError, match="expected the one of NanoDet"):
-        encoder.cut(made, tmp_path / "encoder.onnx", 40)
     other = save(
         [helper.make_node("Identity", ["x"], ["y"])],
         [helper.make_tensor_value_info("x", TensorProto.FLOAT, [1])],

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.judge import area_under_roc, difference, judge
+from studies.eyes.judge import auc_of_clear, difference, judge
 
 EVERY = np.ones(len(CATEGORIES), bool)
 APPLE, MUG, BOOK = (CATEGORIES.index(name) for name in ("Apple", "Mug", "Book"))
@@ -25,8 +25,8 @@ def judged_columns(**columns):
 def test_auc_counts_pairs_and_leaves_out_the_unclear():
     scores = np.array([0.9, 0.4, 0.4, 0.1, 1.0])
     labels = np.array([1, 1, 0, 0, -1], np.int8)
-    assert area_under_roc(scores, labels) == pytest.approx(3.5 / 4)
-    assert np.isnan(area_under_roc(scores[:2], labels[:2]))
+    assert auc_of_clear(scores, labels) == pytest.approx(3.5 / 4)
+    assert np.isnan(auc_of_clear(scores[:2], labels[:2]))
 
 
 def test_figures_at_a_half():

@@ -1,0 +1,135 @@
+"""Judge perception networks on rendered pictures: ``python -m studies.eyes.rendered``.
+
+The pictures are sets from ``cfnav rooms make --views N`` of rooms that no network here learnt from.
+Rooms of test seeds have models that no training room has.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cfnav_core.command import command_line, run_options
+from cfnav_core.files.json_file import write_json
+from cfnav_core.files.provenance import commit
+from cfnav_core.perception.judge import agreement, shown_in
+from cfnav_core.perception.perception import OnnxPerception
+from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.policy.bundle import shipped_perception
+from cfnav_core.task.detections import places
+from cfnav_core.task.rooms import furniture_of
+from cfnav_core.task.vocabulary import CATEGORIES
+from studies.engine.pages import Cell, table
+
+BATCH = 64
+SAMPLES = 300
+"""Draws of rooms for an interval."""
+FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1")
+
+
+def _figure(name: str) -> Cell:
+    return lambda row: "{:.3f} [{:.3f}, {:.3f}]".format(row[name], *row["interval"][name])
+
+
+def _word(name: str) -> Cell:
+    return lambda row: str(row[name])
+
+
+COLUMNS: dict[str, Cell] = {
+    name: _word(name) for name in ("perception", "furniture", "rooms", "pictures")
+} | {name: _figure(name) for name in FIGURES}
+
+
+@dataclass(frozen=True)
+class RenderedOptions:
+    """Judge perception networks on rendered pictures with labels."""
+
+    data: Path
+    """Folder of picture sets (cfnav rooms make --views N)."""
+    perception: tuple[Path, ...] = ()
+    """ONNX files of perception networks; the shipped bundle's when absent."""
+    out: Path = Path("out/eyes/rendered.json")
+    """File of the results."""
+
+
+Scores = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Of "shown" and "near", float [N, C], and what is true, bool [N, C]."""
+
+
+def scores(network: OnnxPerception, folder: Path) -> Scores:
+    """What a network says of a room's pictures, and what is true.
+
+    Raises:
+        ValueError: the set is damaged or of another camera, or the network does not detect as the
+            built-in one does.
+    """
+    pictures, gives = PictureSet.load(folder), network.gives
+    if pictures.pictures.shape[1:3] != gives.size or set(gives.objects) != set(CATEGORIES):
+        raise ValueError(
+            f"found pictures of {pictures.pictures.shape[1:3]} in {folder}, expected {gives.size} "
+            f"and a network that knows the {len(CATEGORIES)} categories; give fitting ones"
+        )
+    at = places(gives.fields)
+    rows = [
+        network(np.asarray(pictures.pictures[i : i + BATCH])).detections
+        for i in range(0, len(pictures.pictures), BATCH)
+    ]
+    order = [gives.objects.index(name) for name in CATEGORIES]
+    found = np.concatenate(rows).astype(np.float32)[:, order]
+    return (
+        found[:, :, at["score"].start], found[:, :, at["near"].start],
+        shown_in(pictures.heat), np.asarray(pictures.visible),
+    )  # fmt: skip
+
+
+def judged(rooms: list[Scores], seed: int = 0) -> dict[str, object]:
+    """Figures over all pictures, each with an interval of 95 % over rooms."""
+
+    def over(chosen: list[Scores]) -> dict[str, object]:
+        return agreement(*(np.concatenate(column) for column in zip(*chosen, strict=True)))
+
+    rng, said = np.random.default_rng(seed), over(rooms)
+    draws = [
+        over([rooms[k] for k in rng.integers(len(rooms), size=len(rooms))]) for _ in range(SAMPLES)
+    ]
+    intervals = {
+        name: np.quantile([draw[name] for draw in draws], (0.025, 0.975)).tolist()  # type: ignore[arg-type]
+        for name in FIGURES
+    }
+    return {
+        "rooms": len(rooms),
+        "pictures": sum(len(r[0]) for r in rooms),
+        **said,
+        "interval": intervals,
+    }
+
+
+def main(options: RenderedOptions) -> None:
+    """Judge, print a table and write the figures.
+
+    Raises:
+        ValueError: there is no set, or a network or set does not fit.
+    """
+    folders = sorted(path.parent for path in options.data.glob("*/set.json"))
+    if not folders:
+        raise ValueError(
+            f"found no picture set in {options.data}; make some with cfnav rooms make --views 200"
+        )
+    by_furniture: dict[str, list[Path]] = {}
+    for folder in folders:
+        by_furniture.setdefault(furniture_of(folder.name.rpartition("_")[0]), []).append(folder)
+    found = []
+    for path in options.perception or (shipped_perception(),):
+        network = OnnxPerception(path)
+        for furniture, sets in by_furniture.items():
+            said = judged([scores(network, folder) for folder in sets])
+            found.append({"perception": network.identity, "furniture": furniture, **said})
+    print(table(COLUMNS, found))
+    write_json(options.out, {"command": command_line(), "commit": commit(), "networks": found})
+
+
+if __name__ == "__main__":
+    sys.exit(run_options("rendered", RenderedOptions, main))

@@ -1,0 +1,67 @@
+"""Networks judged on rendered pictures."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cfnav_core.perception.judge import area_under_roc, shown_in
+from cfnav_core.perception.net import PerceptionNet, export_perception
+from cfnav_core.perception.sight import Sight
+from cfnav_core.task.vocabulary import CATEGORIES
+from studies.eyes.rendered import RenderedOptions, judged, main
+from tests.core.perception.test_perception_training import SMALL, make
+
+MUG = CATEGORIES.index("Mug")
+
+
+def room(near):
+    """Scores and truth of 20 pictures: a mug is near in the first half."""
+    scores = np.zeros((20, len(CATEGORIES)))
+    scores[:, MUG] = near
+    truth = np.zeros(scores.shape, bool)
+    truth[:10, MUG] = True
+    return scores, scores, truth, truth
+
+
+def test_figures_are_those_of_all_pictures_and_vary_over_rooms():
+    sure, wrong = [0.9] * 10 + [0.1] * 10, [0.1] * 10 + [0.9] * 10
+    said = judged([room(sure)])
+    assert (said["shown_auc_mean"], said["near_auc_mean"], said["near_f1"]) == (1, 1, 1)
+    assert said["interval"]["near_f1"] == [1, 1]
+    both = judged([room(sure), room(wrong)])
+    assert both["near_f1"] == pytest.approx(0.5)
+    assert both["interval"]["near_f1"] == [0, 1]
+    assert both["near_f1_by_category"] == {"Mug": 0.5}
+
+
+def test_auc_without_both_kinds_is_none():
+    assert np.isnan(area_under_roc(np.ones(3), np.ones(3, bool)))
+
+
+def test_a_thing_is_shown_from_twelve_pixels_of_a_cell():
+    heat = np.zeros((2, 3, 3, 1), np.uint8)
+    heat[0, 1, 1, 0], heat[1, :, :, 0] = 12, 11
+    assert shown_in(heat).tolist() == [[True], [False]]
+
+
+def test_networks_are_judged_by_furniture(tmp_path, capsys):
+    make(tmp_path / "sets", 1000)
+    make(tmp_path / "sets", 1001, kind="sweet_home.kitchen")
+    export_perception(PerceptionNet(sight=Sight.of(SMALL)), tmp_path / "p.onnx", camera=SMALL)
+    main(RenderedOptions(tmp_path / "sets", (tmp_path / "p.onnx",), tmp_path / "found.json"))
+    networks = json.loads((tmp_path / "found.json").read_text())["networks"]
+    assert [(row["furniture"], row["pictures"]) for row in networks] == [
+        ("built_in", 24), ("sweet_home", 24),
+    ]  # fmt: skip
+    assert "| built_in | 1 | 24 |" in capsys.readouterr().out
+
+
+def test_what_does_not_fit_is_one_sentence(tmp_path):
+    with pytest.raises(ValueError, match="found no picture set in"):
+        main(RenderedOptions(tmp_path))
+    make(tmp_path, 1000)
+    with pytest.raises(ValueError, match=r"found pictures of \(32, 48\) in .*expected \(150,"):
+        main(RenderedOptions(tmp_path))
