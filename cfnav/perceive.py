@@ -1,4 +1,4 @@
-"""``cfnav perceive``: what a bundle's perception finds in pictures, by name and with boxes."""
+"""``cfnav perceive``: what a perception finds in pictures, by name and with boxes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import tyro
 
 from cfnav_core.files.json_file import write_json
 from cfnav_core.perception.boxes import LEAST, Detection
-from cfnav_core.perception.perception import OnnxPerception, PerceptionError
+from cfnav_core.perception.perception import NEWEST, OnnxPerception, PerceptionError
 from cfnav_core.perception.pictures import draw_detections, read_rgb, window, write_png
 from cfnav_core.policy.bundle import PERCEPTION, BundleHead, find_bundle
 
@@ -28,10 +28,9 @@ class Perceive:
     """Picture files; any camera's, but only pictures like those that it learnt from are judged
     well."""
     bundle: Path | None = None
-    """Bundle whose perception looks, a folder or the name of a shipped one; the default when
-    absent."""
+    """Bundle whose perception looks, a folder or the name of a shipped one."""
     perception: Path | None = None
-    """A perception.onnx instead."""
+    """A perception.onnx instead; without either the newest that comes with cfnav."""
     least: float = LEAST
     """Score, 0 to 1, from which a thing is named."""
     out: Path | None = None
@@ -73,8 +72,10 @@ class Perceive:
 
     def _network(self) -> OnnxPerception:
         """The perception, which gives boxes."""
-        folder = find_bundle(self.bundle)
-        path = self.perception or BundleHead.load(folder).file(folder, PERCEPTION)
+        path = self.perception or NEWEST
+        if self.bundle and not self.perception:
+            folder = find_bundle(self.bundle)
+            path = BundleHead.load(folder).file(folder, PERCEPTION)
         perception = OnnxPerception(path)
         if perception.no_boxes:
             raise PerceptionError(perception.no_boxes)

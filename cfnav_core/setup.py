@@ -9,7 +9,9 @@ setup(
     version="0.1.0",
     packages=[PACKAGE, *(f"{PACKAGE}.{name}" for name in find_packages())],
     package_dir={PACKAGE: "."},
-    package_data={PACKAGE: ["bundles/**", "words/*.safetensors", "robot/robots/*.yaml"]},
+    package_data={
+        PACKAGE: ["bundles/**", "perception/*.*", "words/*.safetensors", "robot/robots/*.yaml"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

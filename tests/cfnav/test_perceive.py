@@ -9,8 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from sim_bridge.room.room import generate_room
+from sim_bridge.world.camera import Camera
+from sim_bridge.world.grid import state_grid
+from sim_bridge.world.world import World
 
 from cfnav import cli
+from cfnav_core.task.camera import MAST
 from tests.core.perception.made import colour_maps
 
 
@@ -19,8 +24,8 @@ def perceive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     """Run the command; returns its exit code, what it printed, and what it said went wrong."""
     network = colour_maps(tmp_path / "colours.onnx")
 
-    def run(*arguments: object, shipped: bool = False) -> tuple[int, str, str]:
-        given = () if shipped else ("--perception", network)
+    def run(*arguments: object, of: tuple[object, ...] | None = None) -> tuple[int, str, str]:
+        given = ("--perception", network) if of is None else of
         monkeypatch.setattr(sys, "argv", ["cfnav", "perceive", *map(str, (*arguments, *given))])
         code = cli.main()
         return code, *capsys.readouterr()
@@ -61,7 +66,6 @@ def test_what_cannot_be_told_is_one_sentence(perceive, picture, tmp_path):
     (tmp_path / "again").mkdir()
     (tmp_path / "again/wide.png").write_bytes(picture.read_bytes())
     for arguments, sentence in (
-        ((picture, "--shipped"), "this perception does not tell where things are"),
         ((tmp_path / "none.png",), "found no readable picture at"),
         ((tmp_path / "broken.png",), "found no readable picture at"),
         ((tmp_path / "small.png",), "found a picture of 16x12 pixels"),
@@ -69,8 +73,24 @@ def test_what_cannot_be_told_is_one_sentence(perceive, picture, tmp_path):
         ((picture, tmp_path / "again/wide.png", "--out", tmp_path), "each of another name"),
         ((), "found pictures named none"),
     ):
-        shipped = "--shipped" in arguments
-        code, _, wrong = perceive(*(a for a in arguments if a != "--shipped"), shipped=shipped)
+        code, _, wrong = perceive(*arguments)
         assert code == 2
         assert sentence in wrong
         assert wrong.count("\n") == 1
+
+
+def test_the_newest_network_gives_boxes_and_the_bundles_older_ones_say_that_they_do_not(
+    perceive, tmp_path
+):
+    world = World(generate_room("kitchen", 100))
+    with Camera(world, MAST) as camera:
+        grid = state_grid(world, MAST.horizons)
+        seen = camera.picture(grid.pose(0))
+    names = {world.room.objects[k].name for k in np.unique(seen.owner) if k >= 0}
+    Image.fromarray(seen.rgb).save(tmp_path / "kitchen.png")
+    code, said, _ = perceive(tmp_path / "kitchen.png", of=())
+    assert code == 0
+    assert {line.split()[1] for line in said.splitlines()} & names
+    code, _, wrong = perceive(tmp_path / "kitchen.png", of=("--bundle", "default"))
+    assert code == 2
+    assert "this perception does not tell where things are" in wrong
