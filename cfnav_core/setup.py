@@ -10,7 +10,15 @@ setup(
     packages=[PACKAGE, *(f"{PACKAGE}.{name}" for name in find_packages())],
     package_dir={PACKAGE: "."},
     package_data={
-        PACKAGE: ["bundles/**", "perception/*.*", "words/*.safetensors", "robot/robots/*.yaml"]
+        PACKAGE: [
+            "bundles/**",
+            "perception/*.onnx",
+            "perception/*.safetensors",
+            "perception/*.md",
+            "perception/NOTICE",
+            "words/*.safetensors",
+            "robot/robots/*.yaml",
+        ]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
