@@ -34,12 +34,14 @@ class Package:
         name: as the registry spells it.
         version: that was looked at; apt gives the one of the machine's release.
         licence: of the package, and of its pictures where it says so.
+        free: its pictures may be passed on with no more than their credit.
     """
 
     registry: str
     name: str
     version: str
     licence: str
+    free: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class Picture:
         kind: of ``KINDS``.
         note: what is seen.
         licence: of the picture, where it is another than its package's.
+        free: see ``Package``.
         camera: what is known of it; empty: nothing.
         shown: categories to the boxes of the things, pixels.
         unclear: categories that are too small or doubtful to count either way.
@@ -70,6 +73,7 @@ class Picture:
     kind: str
     note: str
     licence: str
+    free: bool
     camera: str
     shown: Mapping[str, tuple[Box, ...]]
     unclear: tuple[str, ...]
@@ -114,7 +118,8 @@ def _picture(row: dict, packages: Mapping[str, Package]) -> Picture:
     picture = Picture(
         name=row["name"], package=row["package"], path=row["path"], inside=row.get("inside", ""),
         sha256=row["sha256"], size=tuple(row["size"]), kind=row["kind"], note=row["note"],
-        licence=row.get("licence", ""), camera=row.get("camera", ""),
+        licence=row.get("licence", ""), free=row.get("free", packages[row["package"]].free),
+        camera=row.get("camera", ""),
         shown={word: tuple(map(tuple, boxes.get(word, ()))) for word in row["shown"]},
         unclear=tuple(row.get("unclear", ())),
     )  # fmt: skip

@@ -3,7 +3,8 @@
 A picture is cut to the largest centred window of the network's aspect, a square for the built-in
 network, and detectors get the same cut. A thing counts as shown when two fifths of its box lie in
 the cut; what is unclear is not counted. A picture that is smaller than the network's input is
-enlarged. Writes real.md, real.json and a page of pictures for each network.
+enlarged. Writes real.md, real.json and, for each network, a page of all pictures and one of those
+that may be passed on.
 """
 
 from __future__ import annotations
@@ -232,14 +233,18 @@ def _plain(value: Any) -> Any:
 
 
 def _draw(seen: Seen, network: Network, out: Path) -> None:
-    """A page of all pictures for a network."""
+    """A page of all pictures for a network, and one of those that may be passed on."""
     scores = seen.scores[network.name]
     tiles = [
         tile(cut.rgb, _boxes(cut, scores[k], network.boxes), picture.name,
              words(CATEGORIES, scores[k], cut.labels, LEAST))
         for k, (picture, cut) in enumerate(zip(seen.pictures, seen.crops, strict=True))
     ]  # fmt: skip
-    draw(tiles, out / f"{network.name.replace(' ', '_').replace('/', '_')}.jpg")
+    name = network.name.replace(" ", "_").replace("/", "_")
+    draw(tiles, out / f"{name}.jpg")
+    free = [one for one, picture in zip(tiles, seen.pictures, strict=True) if picture.free]
+    if free:
+        draw(free, out / f"{name}_free.jpg")
 
 
 def _boxes(cut: Crop, scores: np.ndarray, boxes: Boxes | None) -> list[tuple[Box, Colour]]:

@@ -65,6 +65,20 @@ def test_perceptions_that_are_larger_than_a_picture_get_it_enlarged(tmp_path):
     assert found["scores"]["blue0"]["large"]["Mug"] == pytest.approx(0.98, abs=0.01)
 
 
+def test_only_free_pictures_are_on_the_page_for_others(tmp_path):
+    made = table(tmp_path / "cache", {
+        **{f"red{k}": (RED, {"shown": ["Apple"]}) for k in range(3)},
+        "blue": (BLUE, {"shown": ["Mug"], "free": True}),
+    })  # fmt: skip
+    network = colour_perception(tmp_path / "colour.onnx")
+    out = tmp_path / "out"
+    run(RealOptions((network,), cache=tmp_path / "cache", out=out, pictures=made), "a test")
+    everything, free = (cv2.imread(str(out / name)) for name in ("colour.jpg", "colour_free.jpg"))
+    assert everything[20, 20, 2] > 200  # red comes first
+    assert free[20, 20, 0] > 200
+    assert free[20, 260].min() > 250  # and nothing beside the blue one
+
+
 def test_networks_of_one_name_are_told_by_their_folders(tmp_path):
     paths = []
     for folder in ("old", "new"):
