@@ -2,10 +2,11 @@
 # Remakes the bundles from nothing: default (camera on a mast) and turtlebot4 (as sold, wide), each
 # ours, beside plain from the same stage one. Takes days; goes on where it stopped when run again.
 #   OUT=out/train CAMERAS="mast stock_wide" scripts/train_demo.sh
-# Perception learns from rooms of its own, while they are rendered. Training rooms train both
-# policies, validation rooms end stage one and choose checkpoints, test rooms are looked at once, at
-# the end. The default bundle shipped so far is older: 64 rooms of our own furniture, 850,000
-# episodes, perception of 200,000 pictures of 125 rooms (this script, before there were two worlds).
+# Perception learns from rooms of its own, while they are rendered; the second camera's begins with
+# the first one's. Training rooms train both policies, validation rooms end stage one and choose
+# checkpoints, test rooms are looked at once, at the end. The default bundle shipped so far is older:
+# 64 rooms of our own furniture, 850,000 episodes, perception of 200,000 pictures of 125 rooms (this
+# script, before there were two worlds).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -37,7 +38,7 @@ see() { # the pictures, and beside them the network that learns from those that 
   cfnav rooms make $(each --rooms $(every_kind "$views")) --views 200 --camera "$camera" \
     --out "$out/views" &
   cfnav perception --data "$out/views" --out "$perception" --pictures "$pictures" --seed "$seed" \
-    --wait-for "${WAIT_FOR:-40}"
+    --wait-for "${WAIT_FOR:-40}" ${begin:+--begin "$begin"}
   wait $!
 }
 train() { # train METHOD [MORE]
@@ -64,6 +65,7 @@ remake() { # remake CAMERA NAME
   camera=$1 out=${OUT:-out/train}/$1
   perception=$out/perception/perception.onnx
   once perception see
+  begin=$out/perception/perception.checkpoint
   render() { cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
     --out "$out/scenes"; }
   once rooms render $training $validation

@@ -18,6 +18,8 @@ from torch import Tensor, nn
 from cfnav_core.files.whole import whole, writing
 
 SCHEMA = 1
+SUPERVISED = "supervised"
+"""Kind of ``save_state``."""
 
 
 class CheckpointError(ValueError):
@@ -114,7 +116,7 @@ def save_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, see
     """Checkpoint of a supervised run: weights, optimizer and the number of samples seen."""
     tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
     tensors |= optimizer_tensors("optimizer", optimizer)
-    save_tensors(path, tensors, {"seen": seen}, "supervised")
+    save_tensors(path, tensors, {"seen": seen}, SUPERVISED)
 
 
 def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> int:
@@ -123,7 +125,7 @@ def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> 
     Raises:
         CheckpointError: damaged, or of another network.
     """
-    tensors, head = load_tensors(path, "supervised")
+    tensors, head = load_tensors(path, SUPERVISED)
     load_module(path, "net", net, tensors)
     restore_optimizer("optimizer", optimizer, tensors)
     return int(head["seen"])

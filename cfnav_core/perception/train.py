@@ -16,7 +16,13 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from cfnav_core.files.checkpoint import load_state, save_state
+from cfnav_core.files.checkpoint import (
+    SUPERVISED,
+    CheckpointError,
+    load_state,
+    load_tensors,
+    save_state,
+)
 from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
@@ -48,9 +54,9 @@ class PerceptionOptions:
     """Pictures seen in all."""
     wait_for: int = 0
     """Picture sets to wait for while they are made; 0: it begins with those that are there."""
-    batch: int = 64
+    batch: int = 32
     """Pictures a step."""
-    lr: float = 2e-3
+    lr: float = 1.5e-3
     """Peak learning rate of the one-cycle schedule."""
     seed: int = 0
     """Seed of weights, order and augmentation."""
@@ -61,6 +67,9 @@ class PerceptionOptions:
     photographs: bool = True
     """Begin with first layers that learnt from photographs (perception.trunk); else with random
     ones."""
+    begin: Path | None = None
+    """Checkpoint of a network to begin with: of another camera, every layer but those that read the
+    whole picture."""
     checkpoint_s: float = 120.0
     """Seconds between checkpoints."""
 
@@ -143,6 +152,28 @@ def _tensors(arrays: dict[str, np.ndarray]) -> Labelled:
     )  # fmt: skip
 
 
+def begin_with(net: PerceptionNet, path: Path) -> None:
+    """Take over the weights of another network wherever their shapes agree.
+
+    Raises:
+        CheckpointError: it is damaged, or its first layers are others.
+    """
+    tensors, _ = load_tensors(path, SUPERVISED)
+    own = net.state_dict()
+    same = {
+        name: tensors[f"net.{name}"]
+        for name, weight in own.items()
+        if getattr(tensors.get(f"net.{name}"), "shape", None) == weight.shape
+    }
+    missing = [name for name in own if name.startswith("trunk.") and name not in same]
+    if missing:
+        raise CheckpointError(
+            f"found no weights for {missing[0]} and {len(missing) - 1} more in {path}, expected a "
+            "checkpoint of cfnav perception"
+        )
+    net.load_state_dict(same, strict=False)
+
+
 def learning_rate(progress: float, peak: float) -> float:
     """Warm up over 3 %, hold to 40 %, then fall to 1 % along a cosine."""
     if progress < 0.03:
@@ -211,7 +242,11 @@ def train(options: PerceptionOptions) -> dict[str, object]:
     ]
     optimizer = torch.optim.AdamW(groups, options.lr, weight_decay=1e-2, fused=True)
     checkpoint = options.out.with_suffix(".checkpoint")
-    seen = load_state(checkpoint, net, optimizer) if checkpoint.exists() else 0
+    seen = 0
+    if checkpoint.exists():
+        seen = load_state(checkpoint, net, optimizer)
+    elif options.begin:
+        begin_with(net, options.begin)
     bar = tqdm(total=options.pictures, initial=seen, unit="picture", mininterval=10)
     saved = time.monotonic()
     smooth: dict[str, float] = {}

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from cfnav_core.files.checkpoint import CheckpointError, save_state
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.perception.sight import Sight
-from cfnav_core.perception.train import PerceptionOptions, Shelf, train
+from cfnav_core.perception.train import PerceptionOptions, Shelf, begin_with, train
 from cfnav_core.task.camera import CAMERAS
 from tests.core.perception.made import SMALL, picture_set
 
@@ -56,6 +57,29 @@ def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_kille
     assert more["seen"] == 704
     assert more["training_rooms"] == 4
     assert more["held out, sweet_home"]["rooms"] == 1
+
+
+def test_a_network_begins_with_the_layers_of_another_camera(options, tmp_path):
+    torch.manual_seed(5)
+    other, net = PerceptionNet(), PerceptionNet(sight=Sight.of(SMALL))
+    save_state(tmp_path / "other.checkpoint", other, torch.optim.AdamW(other.parameters()), 64)
+    before = net.geometry.weight.clone()
+    begin_with(net, tmp_path / "other.checkpoint")
+    for name in ("trunk.stages.2.last.0.weight", "fine.1.running_var", "context.bias"):
+        assert torch.equal(net.state_dict()[name], other.state_dict()[name])
+    assert torch.equal(net.geometry.weight, before)  # of another size
+    train(replace(options, pictures=64, begin=tmp_path / "other.checkpoint"))
+    (tmp_path / "other.checkpoint").unlink()
+    assert train(replace(options, pictures=128, begin=tmp_path / "other.checkpoint"))["seen"] == 128
+
+
+def test_what_no_network_was_saved_in_is_nothing_to_begin_with(tmp_path):
+    layer = torch.nn.Linear(2, 2)
+    save_state(tmp_path / "other.checkpoint", layer, torch.optim.AdamW(layer.parameters()), 64)
+    with pytest.raises(
+        CheckpointError, match=r"found no weights for trunk\.stem.* cfnav perception"
+    ):
+        begin_with(PerceptionNet(), tmp_path / "other.checkpoint")
 
 
 def test_too_few_sets_are_one_sentence(tmp_path):
