@@ -1,17 +1,15 @@
-"""Which ROS domain a graph has: one graph at a time, by a lock file for each domain.
+"""Which ROS domain a graph has: one graph at a time, by the name of a socket for each domain.
 
-A process loses its locks with its life.
+Such a name reaches as far as localhost does: users, and containers that share the host's network,
+see each other's. A process loses its names with its life.
 """
 
 from __future__ import annotations
 
-import fcntl
+import errno
 import random
-import tempfile
+import socket
 from collections.abc import MutableMapping
-from contextlib import suppress
-from pathlib import Path
-from typing import IO
 
 from cfnav_ros.process.processes import GraphError, keep_local
 
@@ -60,23 +58,17 @@ class Domain:
         self.release()
 
 
-def _lock(number: int) -> IO | None:
-    """The locked file of a domain, None while another has it."""
-    folder = Path(tempfile.gettempdir(), "cfnav-domains")
-    folder.mkdir(exist_ok=True)
+def _lock(number: int) -> socket.socket | None:
+    """The socket that has a domain's name, None while another has it."""
+    lock = socket.socket(socket.AF_UNIX)
     try:
-        file = (folder / str(number)).open("a")
-    except PermissionError:  # another user's, made under a mask that shares nothing
+        lock.bind(f"\0cfnav domain {number}")  # Linux's abstract names are of no file
+    except OSError as error:
+        lock.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
         return None
-    for path, mode in ((folder, 0o777), (folder / str(number), 0o666)):
-        with suppress(PermissionError):  # so that all users of the machine share the locks
-            path.chmod(mode)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        return None
-    return file
+    return lock
 
 
 def stay_apart(environment: MutableMapping[str, str], domain: str) -> int:

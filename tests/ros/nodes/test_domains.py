@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,36 +21,41 @@ with Domain({}) as number:
 """
 
 
+FREE = 10 * os.getpid()
+"""Far above those of ROS, so that no graph of another test has it or the next."""
+
+
 @pytest.fixture
-def only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[range], None]:
-    """A function: leaves these domains, locked by nobody."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr(domains.tempfile, "tempdir", str(tmp_path))
+def only(monkeypatch: pytest.MonkeyPatch) -> Callable[[range], None]:
+    """A function: leaves these domains."""
     return lambda numbers: monkeypatch.setattr(domains, "DOMAINS", numbers)
 
 
 def test_no_two_draw_the_same_and_a_released_one_is_free(only: Callable) -> None:
-    only(range(5, 7))
+    only(range(FREE, FREE + 2))
     with Domain() as one, Domain() as other:
-        assert {one, other} == {5, 6}
+        assert {one, other} == {FREE, FREE + 1}
         with pytest.raises(GraphError, match="have all ROS domains"):
             Domain()
     with Domain() as again:
-        assert again in (5, 6)
+        assert again in (FREE, FREE + 1)
 
 
 def test_one_that_is_named_is_kept_from_those_that_draw(only: Callable) -> None:
-    only(range(5, 7))
-    with Domain(5) as named, Domain(5) as the_same, Domain() as drawn:
-        assert (named, the_same, drawn) == (5, 5, 6)
+    only(range(FREE, FREE + 2))
+    with Domain(FREE) as named, Domain(FREE) as the_same, Domain() as drawn:
+        assert (named, the_same, drawn) == (FREE, FREE, FREE + 1)
 
 
-def test_a_process_loses_its_domain_with_its_life(only: Callable) -> None:
-    only(range(5, 6))
+def test_a_process_with_files_of_its_own_loses_its_domain_with_its_life(
+    only: Callable, tmp_path: Path
+) -> None:
+    only(range(FREE, FREE + 1))
     child = subprocess.Popen(
-        [sys.executable, "-c", HOLD.format(5)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert child.stdout.readline() == b"5\n"
+        [sys.executable, "-c", HOLD.format(FREE)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    )  # fmt: skip
+    assert child.stdout.readline() == f"{FREE}\n".encode()
     with pytest.raises(GraphError):
         Domain()
     child.kill()
