@@ -31,8 +31,8 @@ SPLITS: Mapping[str, Mapping[str, Sequence[int]]] = MappingProxyType({
 })  # fmt: skip
 """Seeds of each type's rooms. Offline Data 1 and 2 split theirs so (FloorPlan numbers from 0): what
 validates in one is tested in the other, so never use both in one run. "worlds" are 500 rooms of
-each furniture to train in and 100 sealed ones to test in, where models of furniture stand that no
-other room has. Seeds from 1000 on train perception.
+each furniture to train in and 100 sealed ones to test in, where models of furniture stand, of those
+kinds of which there are enough, that no other room has. Seeds from 1000 on train perception.
 """
 
 

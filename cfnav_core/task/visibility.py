@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 VISIBLE_DISTANCE_M = 1.5
-"""Largest horizontal distance from camera to object, metres (Section III of the paper)."""
+"""Largest horizontal distance from robot to object, metres (Section III of the paper)."""
 
 VISIBLE_PIXELS = 40
 """Fewest pixels of the object in a 300x300 picture; scaled with the picture's area elsewhere."""
@@ -24,8 +24,8 @@ def visible(
 
     Args:
         pixels: int, any shape, pixels of each object in the picture's segmentation mask.
-        distance_m: float, same shape, horizontal distance from the camera to the nearest point of
-            the object's footprint, metres.
+        distance_m: float, same shape, horizontal distance from the robot's middle to the nearest
+            point of the object's footprint, metres.
         picture_pixels: number of pixels of the picture.
 
     Returns:

@@ -1,7 +1,7 @@
 """Judge perception networks on rendered pictures: ``python -m studies.eyes.rendered``.
 
 The pictures are sets from ``cfnav rooms make --views N`` of rooms that no network here learnt from.
-Rooms of test seeds have models that no training room has.
+Rooms of test seeds have models, of some categories, that no other room has.
 """
 
 from __future__ import annotations

@@ -64,13 +64,14 @@ class Kit:
         around: walls, windows and lamps of the room.
         pieces: models by role; a role may have none.
         held_out: whether the room has what only test rooms have, instead of what they do not.
-        clutter_once: whether no model of clutter stands twice in the room, where there are few.
+        sparse: whether there are few models: then no clutter stands twice in the room, and where it
+            has none of its own, what only the other rooms should have stands there.
     """
 
     around: Surroundings
     pieces: Mapping[str, tuple[Piece, ...]]
     held_out: bool
-    clutter_once: bool = False
+    sparse: bool = False
 
     @property
     def b(self) -> Builder:
@@ -78,14 +79,19 @@ class Kit:
         return self.around.b
 
     def choices(self, role: str, fits: Fits = any_piece) -> list[Piece]:
-        """The pieces of a role that suit the room; those of both sides where its own has none."""
+        """The pieces of a role that suit the room.
+
+        A test room has those of other rooms where there are none for test rooms only.
+        """
         suits = [
             piece
             for piece in self.pieces.get(role, ())
             if (not piece.rooms or self.around.room_type in piece.rooms) and fits(piece)
         ]
-        own = [piece for piece in suits if piece.held_out == self.held_out] or suits
-        if self.clutter_once and role.startswith("clutter"):
+        own = [piece for piece in suits if piece.held_out == self.held_out]
+        if self.held_out or self.sparse:
+            own = own or suits
+        if self.sparse and role.startswith("clutter"):
             there = {placed.model.id for placed in self.b.placed}
             return [piece for piece in own if piece.entry.id not in there]
         return own

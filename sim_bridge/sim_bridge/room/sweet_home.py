@@ -52,7 +52,7 @@ def make(b: Builder, room_type: str, furniture: str, held_out: bool) -> Look:
     around = Surroundings(b, room_type)
     around.build()
     b.tallest = 2.0
-    kit = Kit(around, PIECES[furniture](), held_out, clutter_once=furniture == CC0)
+    kit = Kit(around, PIECES[furniture](), held_out, sparse=furniture == CC0)
     door(kit)
     for _ in range(int(b.rng.integers(1, 3))):
         window(kit)

@@ -124,6 +124,7 @@ def _of_role(
         held_out = index % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
         if "family" in row:
             held_out = families.setdefault(row["family"], held_out)
+        held_out = row.get("held_out", held_out)
         entry = look_up(role, row["id"])
         if entry is None:
             continue

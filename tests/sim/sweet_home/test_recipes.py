@@ -61,6 +61,19 @@ def test_test_rooms_alone_have_what_is_held_out(kind):
         assert {role.endswith("2") for role in found} == {last}
 
 
+def test_what_is_held_out_stands_in_no_other_room_even_where_there_is_nothing_else():
+    other, test, few = empty(), empty(held_out=True), empty()
+    both = other.pieces["sofa"]
+    last = tuple(piece for piece in both if piece.held_out)
+    assert 0 < len(last) < len(both)
+    other.pieces = test.pieces = few.pieces = {"sofa": last}
+    few.sparse = True
+    assert other.choices("sofa") == []
+    assert test.choices("sofa") == few.choices("sofa") == list(last)
+    test.pieces = {"sofa": tuple(piece for piece in both if not piece.held_out)}
+    assert test.choices("sofa") == list(test.pieces["sofa"])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_stands_on_the_floor_stands_beside_each_other(kind):
     for seed in range(100, 106):

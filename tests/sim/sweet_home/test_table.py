@@ -29,6 +29,8 @@ def test_the_last_of_three_is_held_out_and_a_family_goes_with_its_first(with_tab
     rows[1] = {"id": "Test#1", "family": "a"}
     rows[2] = {"id": "Test#2", "family": "a"}
     assert [p.held_out for p in with_table(sofa=rows)["sofa"]] == [False] * 5 + [True]
+    rows[5]["held_out"] = False
+    assert not any(p.held_out for p in with_table(sofa=rows)["sofa"])
 
 
 def test_a_quarter_turn_brings_the_right_side_to_the_front(with_table):
