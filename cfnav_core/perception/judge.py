@@ -32,27 +32,35 @@ def area_under_roc(score: np.ndarray, label: np.ndarray) -> float:
     return float(ranks / (positives * negatives))
 
 
+def counted(truth: np.ndarray) -> np.ndarray:
+    """Int [K]: the categories that count in means, by what is true of pictures, bool [N, C]."""
+    return np.flatnonzero(truth.sum(0) >= LEAST)
+
+
 def agreement(
-    shown: np.ndarray, near: np.ndarray, is_shown: np.ndarray, is_near: np.ndarray
-) -> dict[str, object]:
+    shown: np.ndarray, near: np.ndarray, is_shown: np.ndarray, is_near: np.ndarray,
+    among: tuple[np.ndarray, np.ndarray] | None = None,
+) -> dict[str, object]:  # fmt: skip
     """Mean AUC of "shown" and "near" over categories, and F1 of "near" above a half.
 
     Args:
         shown, near: scores of pictures, float [N, C].
         is_shown, is_near: what is true, bool [N, C].
+        among: categories of either mean, for some of the pictures those of all, so that the same
+            are compared; ``counted`` when absent. One that is so in none or all does not count.
     """
+    of_shown, of_near = among or (counted(is_shown), counted(is_near))
 
-    def mean_auc(score: np.ndarray, truth: np.ndarray) -> float:
-        enough = [c for c in range(truth.shape[1]) if truth[:, c].sum() >= LEAST]
-        return float(np.nanmean([area_under_roc(score[:, c], truth[:, c]) for c in enough]))
+    def mean_auc(score: np.ndarray, truth: np.ndarray, which: np.ndarray) -> float:
+        return float(np.nanmean([area_under_roc(score[:, c], truth[:, c]) for c in which]))
 
     def f1(c: int | slice) -> float:
         hit = near[:, c] > 0.5
         return float(2 * (hit & is_near[:, c]).sum() / max(1, hit.sum() + is_near[:, c].sum()))
 
-    often = [c for c in range(is_near.shape[1]) if is_near[:, c].sum() >= LEAST]
     return {
-        "shown_auc_mean": mean_auc(shown, is_shown), "near_auc_mean": mean_auc(near, is_near),
+        "shown_auc_mean": mean_auc(shown, is_shown, of_shown),
+        "near_auc_mean": mean_auc(near, is_near, of_near),
         "near_f1": f1(slice(None)),
-        "near_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in often},
+        "near_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in of_near},
     }  # fmt: skip

@@ -87,6 +87,9 @@ def perception_loss(
 ) -> dict[str, Tensor]:
     """Terms of the loss; the training sums them.
 
+    Where a thing is near and another of its category is not, cells of both count as near: sets know
+    which categories are near, not which things.
+
     Args:
         output: of ``PerceptionNet``.
         batch: what it looked at, with its labels.

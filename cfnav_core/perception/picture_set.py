@@ -13,6 +13,7 @@ from cfnav_core.perception.sight import Sight
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.vocabulary import CATEGORIES
 
+HEAD = "set.json"
 FIELDS = ("pictures", "heat", "depth", "floor", "visible")
 
 
@@ -30,6 +31,7 @@ class PictureSet:
         visible: bool [N, C], see ``visibility.visible``.
         objects: names of the C categories.
         camera: that took them.
+        source: what made the room and its pictures, and its version; "" in sets that do not say.
     """
 
     pictures: np.ndarray
@@ -39,6 +41,7 @@ class PictureSet:
     visible: np.ndarray
     objects: tuple[str, ...] = CATEGORIES
     camera: CameraSetUp = MAST
+    source: str = ""
 
     def save(self, folder: Path) -> None:
         """Write the set; ``folder`` appears only when complete.
@@ -48,10 +51,12 @@ class PictureSet:
         """
         with writing(folder), whole(folder) as partial:
             partial.mkdir(parents=True)
-            head = {"categories": self.objects, "camera": self.camera.to_json()}
+            head = {
+                "categories": self.objects, "camera": self.camera.to_json(), "source": self.source
+            }  # fmt: skip
             for key in FIELDS:
                 np.save(partial / f"{key}.npy", getattr(self, key))
-            (partial / "set.json").write_text(json.dumps(head))
+            (partial / HEAD).write_text(json.dumps(head))
 
     @classmethod
     def load(cls, folder: Path) -> PictureSet:
@@ -61,12 +66,13 @@ class PictureSet:
             ValueError: missing, damaged, or of another version.
         """
         try:
-            head = json.loads((folder / "set.json").read_text())
+            head = json.loads((folder / HEAD).read_text())
             arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="r") for k in FIELDS}
             camera = head.get("camera")  # sets that say none were taken from the mast
             out = cls(
                 **arrays, objects=tuple(head["categories"]),
                 camera=CameraSetUp.from_json(camera) if camera else MAST,
+                source=head.get("source", ""),
             )  # fmt: skip
         except (OSError, ValueError, KeyError) as error:
             raise ValueError(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +27,11 @@ from cfnav_core.files.checkpoint import (
 from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
-from cfnav_core.perception.picture_set import FIELDS, PictureSet
+from cfnav_core.perception.picture_set import FIELDS, HEAD, PictureSet
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.trunk import Trunk
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import furniture_of
+from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in
 
 HELD_OUT_EVERY = 20
 """The last of so many seeds is held out."""
@@ -93,12 +94,11 @@ class Shelf:
         if time.monotonic() - self._looked < RESCAN_S:
             return
         self._looked = time.monotonic()
-        found = sorted(path.parent for path in self._folder.glob("*/set.json"))
-        seeds = [int(path.name.rpartition("_")[2]) for path in found]
-        last = HELD_OUT_EVERY - 1
-        rooms = list(zip(found, seeds, strict=True))
-        self.held_out = [path for path, seed in rooms if seed % HELD_OUT_EVERY == last]
-        self.training = [path for path, seed in rooms if seed % HELD_OUT_EVERY != last]
+        self.training, self.held_out = [], []
+        for kind, seed in rooms_in(self._folder, HEAD):
+            last = seed % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
+            rooms = self.held_out if last else self.training
+            rooms.append(room_folder(self._folder, kind, seed))
 
     def wait(self, count: int) -> None:
         """Wait until so many sets are there, one of them held out.
@@ -122,17 +122,27 @@ class Shelf:
                 )
             time.sleep(RESCAN_S)
 
-    @property
+    @cached_property
     def camera(self) -> CameraSetUp:
-        """That took the pictures."""
+        """That took the pictures of the first room, and so of all."""
         return PictureSet.load((self.training or self.held_out)[0]).camera
 
     def batch(self, size: int, rng: np.random.Generator) -> Labelled:
-        """Random pictures of some random rooms."""
+        """Random pictures of some random rooms.
+
+        Raises:
+            ValueError: a set is damaged, or of another camera.
+        """
         rooms = rng.choice(len(self.training), min(ROOMS_A_BATCH, len(self.training)))
         rows = []
         for room, part in zip(rooms, np.array_split(np.arange(size), len(rooms)), strict=True):
             pictures = PictureSet.load(self.training[room])
+            if pictures.camera != self.camera:
+                raise ValueError(
+                    f"found pictures of two cameras in {self._folder}, in "
+                    f"{self.training[room].name} of another than in the first; give each camera a "
+                    "folder of its own"
+                )
             rows.append(
                 taken(pictures, np.sort(rng.integers(len(pictures.visible), size=len(part))))
             )

@@ -121,7 +121,12 @@ def room_folder(folder: Path, kind: str, seed: int) -> Path:
     return folder / f"{kind}_{seed:05d}"
 
 
-def rooms_in(folder: Path) -> list[tuple[str, int]]:
-    """Rooms whose finished scenes lie in a folder, in the order of its sub-folders."""
-    found = (p.parent.name.rpartition("_") for p in sorted(folder.glob("*_[0-9]*/scene.json")))
+def rooms_in(folder: Path, head: str = "scene.json") -> list[tuple[str, int]]:
+    """Rooms whose finished data lies in a folder, in the order of its sub-folders.
+
+    Args:
+        folder: with a sub-folder for each room.
+        head: the file that each of them has; a scene's when not given.
+    """
+    found = (p.parent.name.rpartition("_") for p in sorted(folder.glob(f"*_[0-9]*/{head}")))
     return [(kind, int(seed)) for kind, _, seed in found if kind in KINDS and seed.isdecimal()]

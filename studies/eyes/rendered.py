@@ -16,12 +16,13 @@ import numpy as np
 from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_file import write_json
 from cfnav_core.files.provenance import commit
-from cfnav_core.perception.judge import agreement, shown_in
+from cfnav_core.perception.judge import agreement, counted, shown_in
 from cfnav_core.perception.perception import OnnxPerception
-from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.perception.picture_set import HEAD, PictureSet
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.detections import places
-from cfnav_core.task.rooms import furniture_of
+from cfnav_core.task.intervals import FEW
+from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.engine.pages import Cell, table
 from studies.eyes.judge import intervals
@@ -33,7 +34,11 @@ FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1")
 
 
 def _figure(name: str) -> Cell:
-    return lambda row: "{:.3f} [{:.3f}, {:.3f}]".format(row[name], *row["interval"][name])
+    def text(row: dict[str, Any]) -> str:
+        ends = row["interval"]
+        return f"{row[name]:.3f}" + (" [{:.3f}, {:.3f}]".format(*ends[name]) if ends else "")
+
+    return text
 
 
 def _word(name: str) -> Cell:
@@ -88,21 +93,29 @@ def scores(network: OnnxPerception, folder: Path) -> Scores:
 
 
 def judged(rooms: list[Scores], seed: int = 0) -> dict[str, object]:
-    """Figures over all pictures, each with an interval of 95 % over rooms."""
+    """Figures over all pictures, each with an interval of 95 % over rooms, where these are enough.
+
+    Every draw of rooms is judged by the categories that count in all of them together.
+    """
+    is_shown, is_near = (np.concatenate([room[k] for room in rooms]) for k in (2, 3))
+    among = counted(is_shown), counted(is_near)
 
     def over(index: np.ndarray) -> dict[str, Any]:
-        chosen = [rooms[k] for k in index]
-        return agreement(*(np.concatenate(column) for column in zip(*chosen, strict=True)))
+        shown, near, is_shown, is_near = (
+            np.concatenate(column) for column in zip(*(rooms[k] for k in index), strict=True)
+        )
+        return agreement(shown, near, is_shown, is_near, among)
 
     def figures(index: np.ndarray) -> list[float]:
         said = over(index)
         return [said[name] for name in FIGURES]
 
-    ends = intervals(figures, len(rooms), seed, SAMPLES)
+    ends = None
+    if len(rooms) >= FEW:
+        drawn = intervals(figures, len(rooms), seed, SAMPLES)
+        ends = dict(zip(FIGURES, drawn, strict=True))
     counts = {"rooms": len(rooms), "pictures": sum(len(room[0]) for room in rooms)}
-    return {
-        **counts, **over(np.arange(len(rooms))), "interval": dict(zip(FIGURES, ends, strict=True)),
-    }  # fmt: skip
+    return {**counts, **over(np.arange(len(rooms))), "interval": ends}
 
 
 def main(options: RenderedOptions) -> None:
@@ -111,14 +124,15 @@ def main(options: RenderedOptions) -> None:
     Raises:
         ValueError: there is no set, or a network or set does not fit.
     """
-    folders = sorted(path.parent for path in options.data.glob("*/set.json"))
-    if not folders:
+    rooms = rooms_in(options.data, HEAD)
+    if not rooms:
         raise ValueError(
             f"found no picture set in {options.data}; make some with cfnav rooms make --views 200"
         )
     by_furniture: dict[str, list[Path]] = {}
-    for folder in folders:
-        by_furniture.setdefault(furniture_of(folder.name.rpartition("_")[0]), []).append(folder)
+    for kind, seed in rooms:
+        folder = room_folder(options.data, kind, seed)
+        by_furniture.setdefault(furniture_of(kind), []).append(folder)
     found = []
     for path in options.perception or (shipped_perception(),):
         network = OnnxPerception(path)

@@ -90,6 +90,22 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     assert (np.asarray(again.features) != features).any()
 
 
+def test_views_are_made_again_when_they_are_others_or_fewer(tmp_path, capsys):
+    def make(**asked):
+        run(RoomOptions(("kitchen:1000",), tmp_path, processes=1, **asked))
+        return "(1 were there already)" in capsys.readouterr().out
+
+    assert not make(views=2)
+    assert make(views=2)
+    assert make(views=1)
+    assert not make(views=3)
+    assert not make(views=3, camera="lite")
+    assert PictureSet.load(tmp_path / "kitchen_01000").camera == CAMERAS["lite"]
+    assert not make(views=3, camera="lite", visual_shift=0.5)
+    (tmp_path / "kitchen_01000/set.json").write_text("{")
+    assert not make(views=3, camera="lite", visual_shift=0.5)
+
+
 def test_views_carry_consistent_labels(tmp_path):
     render_views("kitchen", 1000, tmp_path, 20, Look(MAST, tmp_path))
     views = PictureSet.load(tmp_path / "kitchen_01000")

@@ -254,7 +254,9 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
                 camera.visible_categories(pose, picture.pixels(len(objects))),
             ))  # fmt: skip
     arrays = dict(zip(FIELDS, map(np.stack, zip(*rows, strict=True)), strict=True))
-    PictureSet(**arrays, objects=CATEGORIES, camera=look.camera).save(room_folder(out, kind, seed))
+    source = room_source(kind, look.visual_shift)
+    made = PictureSet(**arrays, objects=CATEGORIES, camera=look.camera, source=source)
+    made.save(room_folder(out, kind, seed))
     return len(states)
 
 
@@ -280,12 +282,17 @@ def _heat(category: np.ndarray, sight: Sight) -> np.ndarray:
 
 def _finished(kind: str, seed: int, options: RoomOptions, look: Look) -> bool:
     folder = room_folder(options.out, kind, seed)
+    made_with = room_source(kind, look.visual_shift), look.camera
     if options.views:
-        return (folder / "set.json").exists()
-    scene = _whole(folder)
-    identity = OnnxPerception(look.perception).identity
-    made_with = (identity, room_source(kind, look.visual_shift), look.camera)
-    return scene is not None and (scene.perception, scene.source, scene.camera) == made_with
+        try:
+            there = PictureSet.load(folder)
+        except ValueError:  # missing or damaged
+            return False
+        return (there.source, there.camera) == made_with and len(there.pictures) >= options.views
+    scene, identity = _whole(folder), OnnxPerception(look.perception).identity
+    return scene is not None and (identity, *made_with) == (
+        scene.perception, scene.source, scene.camera
+    )  # fmt: skip
 
 
 def run(options: RoomOptions) -> None:

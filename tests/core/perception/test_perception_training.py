@@ -88,6 +88,22 @@ def test_too_few_sets_are_one_sentence(tmp_path):
         train(PerceptionOptions(tmp_path, tmp_path / "p.onnx"))
 
 
+def test_sets_of_another_camera_are_one_sentence(options):
+    picture_set(options.data, 1004, camera=replace(SMALL, z=0.5))
+    with pytest.raises(ValueError, match=r"two cameras in .*, in kitchen_01004 of another"):
+        train(options)
+
+
+def test_a_set_that_is_being_written_is_none_yet(options):
+    (options.data / "kitchen_01002").rename(options.data / "kitchen_01002.partial")
+    (options.data / "old").mkdir()
+    (options.data / "old/set.json").write_text("{}")
+    shelf = Shelf(options.data)
+    shelf.look()
+    assert [path.name for path in shelf.training] == ["kitchen_01000", "kitchen_01001"]
+    assert [path.name for path in shelf.held_out] == ["kitchen_01019"]
+
+
 def test_a_batch_is_of_many_rooms_and_made_again_from_its_seed(options):
     shelf = Shelf(options.data)
     shelf.look()

@@ -7,9 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from cfnav_core.perception.judge import area_under_roc, shown_in
+from cfnav_core.perception.judge import agreement, area_under_roc, counted, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.sight import Sight
+from cfnav_core.task.intervals import FEW
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.eyes.rendered import RenderedOptions, judged, main
 from tests.core.perception.made import SMALL, picture_set
@@ -30,11 +31,21 @@ def test_figures_are_those_of_all_pictures_and_vary_over_rooms():
     sure, wrong = [0.9] * 10 + [0.1] * 10, [0.1] * 10 + [0.9] * 10
     said = judged([room(sure)])
     assert (said["shown_auc_mean"], said["near_auc_mean"], said["near_f1"]) == (1, 1, 1)
-    assert said["interval"]["near_f1"] == (1, 1)
-    both = judged([room(sure), room(wrong)])
+    assert said["interval"] is None  # one room tells nothing of others
+    both = judged([room(sure), room(wrong)] * (FEW // 2))
     assert both["near_f1"] == pytest.approx(0.5)
-    assert both["interval"]["near_f1"] == (0, 1)
+    low, high = both["interval"]["near_f1"]
+    assert 0.2 < low < 0.5 < high < 0.8
     assert both["near_f1_by_category"] == {"Mug": 0.5}
+
+
+def test_some_pictures_are_judged_by_the_categories_that_count_in_all():
+    every = room([0.9] * 10 + [0.1] * 10)
+    some = tuple(table[5:] for table in every)  # where a mug is too seldom to count by itself
+    assert counted(every[3]).tolist() == [MUG]
+    assert np.isnan(agreement(*some)["near_auc_mean"])
+    among = counted(every[2]), counted(every[3])
+    assert agreement(*some, among=among)["near_auc_mean"] == 1
 
 
 def test_auc_without_both_kinds_is_none():
