@@ -2,7 +2,8 @@
 
 It was trained on photographs, so what it finds in a rendering says how real that looks. A thing of
 its classes counts when it fills at least ``LEAST_SHARE`` of the picture, and is found when a
-detection of its class with a score above ``SCORE`` overlaps it. ``--furniture real`` asks the same
+detection of its class with a score above ``SCORE`` overlaps it, each detection one thing at most.
+``--furniture real`` asks the same
 of the boxes in the real pictures, which is what a rendering could reach at best.
 """
 
@@ -10,21 +11,22 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_file import write_json
 from cfnav_core.files.provenance import commit, sha256
 from cfnav_core.perception.boxes import Box, Detection
 from cfnav_core.perception.pictures import read_rgb
+from cfnav_core.task.intervals import interval_of_share
 from studies.eyes.detectors import CATEGORY_OF, Detector, overlap
 from studies.eyes.fetch import CACHE, picture_path
-from studies.eyes.judge import interval
 from studies.eyes.pictures import TABLE, crop, load_pictures
 from studies.eyes.rooms import boxes_of, views_of_rooms
 
@@ -55,8 +57,8 @@ class RealismOptions:
 
     furniture: Literal["built_in", "sweet_home", "real"] = "built_in"
     """Of the rooms; real: the real pictures instead of rooms."""
-    rooms: tuple[str, ...] = ("kitchen:20-23", "living_room:20-23", "bedroom:20-23",
-                              "bathroom:20-23")  # fmt: skip
+    rooms: tuple[str, ...] = ("kitchen:20-24", "living_room:20-24", "bedroom:20-24",
+                              "bathroom:20-24")  # fmt: skip
     """TYPE:SEED or TYPE:FIRST-LAST."""
     views: int = 10
     """Random views a room."""
@@ -122,10 +124,17 @@ def views_of_pictures(cache: Path) -> Iterator[View]:
             ))  # fmt: skip
 
 
-def is_found(name: str, box: Box, found: list[Detection]) -> bool:
-    """Whether a detection of a thing's class overlaps it."""
-    boxes = [np.array(one.box) for one in found if one.name in CLASSES[name]]
-    return bool(boxes) and bool(overlap(np.array(box), np.stack(boxes)).max() >= OVERLAP)
+def found_of(things: Sequence[tuple[str, Box]], detections: Sequence[Detection]) -> np.ndarray:
+    """Which things have a detection of their class for themselves: bool [things], most possible."""
+    fits = np.zeros((len(things), len(detections)), bool)
+    boxes = np.array([one.box for one in detections]).reshape(-1, 4)
+    for k, (name, box) in enumerate(things):
+        of_class = np.array([one.name in CLASSES[name] for one in detections], bool)
+        fits[k] = of_class & (overlap(np.array(box), boxes) >= OVERLAP)
+    out = np.zeros(len(things), bool)
+    which, by = linear_sum_assignment(fits, maximize=True)
+    out[which] = fits[which, by]
+    return out
 
 
 @dataclass(frozen=True)
@@ -156,13 +165,10 @@ class Counts:
     def recall(self) -> tuple[float, tuple[float, float]]:
         """Share that was found, and its 95 % interval over groups."""
         groups = sorted({group for _, group in self.there})
-        by_group = np.array([self.of(1, group) for group in groups])
-
-        def share(index: np.ndarray) -> float:
-            found, there = by_group[index].sum(0)
-            return float(found / max(there, 1))
-
-        return share(np.arange(len(groups))), interval(share, len(groups), 0)
+        counts = [self.of(1, group) for group in groups]
+        values = np.concatenate([np.arange(there) < found for found, there in counts])
+        of = np.repeat(np.arange(len(groups)), [there for _, there in counts])
+        return float(values.mean()), interval_of_share(values, of)
 
 
 def count(views: Iterable[View], detector: Detector) -> Counts:
@@ -176,10 +182,10 @@ def count(views: Iterable[View], detector: Detector) -> Counts:
     pictures = 0
     for view in views:
         pictures += 1
-        found = detector(view.rgb, SCORE)
-        for name, box in view.things:
+        found = found_of(view.things, detector(view.rgb, SCORE))
+        for (name, _), is_found in zip(view.things, found, strict=True):
             there[CLASSES[name][0], view.group] += 1
-            hits[CLASSES[name][0], view.group] += is_found(name, box, found)
+            hits[CLASSES[name][0], view.group] += bool(is_found)
     if not there:
         raise ValueError(f"found nothing of COCO's classes in {pictures} pictures; give more")
     return Counts(pictures, there, hits)

@@ -12,7 +12,7 @@ import pytest
 from cfnav_core.perception.boxes import Detection
 from cfnav_core.perception.describe import describe
 from studies.eyes.real import RealOptions, run
-from studies.eyes.realism import RealismOptions, is_found, main, things_of
+from studies.eyes.realism import RealismOptions, found_of, main, things_of
 from tests.studies.eyes.made import BLUE, GREY, RED, colour_perception, constant_detector, table
 
 CHAIR = 56.0
@@ -122,7 +122,13 @@ def test_a_rendered_room_is_asked_for_its_things(tmp_path, capsys):
 
 def test_a_thing_is_found_by_its_class_where_it_is():
     there = [Detection("couch", 0.9, (0, 0, 10, 10))]
-    assert is_found("Sofa", (0, 0, 10, 9), there)
-    assert is_found("ArmChair", (0, 0, 10, 9), there)
-    assert not is_found("Chair", (0, 0, 10, 9), there)
-    assert not is_found("Sofa", (20, 0, 30, 9), there)
+    at, beside = (0, 0, 10, 9), (20, 0, 30, 9)
+    for name, box, found in (
+        ("Sofa", at, True), ("ArmChair", at, True), ("Chair", at, False), ("Sofa", beside, False),
+    ):  # fmt: skip
+        assert found_of([(name, box)], there).tolist() == [found]
+    # one detection is of one thing
+    assert found_of([("Sofa", at), ("ArmChair", at), ("Sofa", beside)], there).sum() == 1
+    assert found_of([("Sofa", at), ("ArmChair", at)], [*there, *there]).all()
+    assert found_of([("Sofa", at)], []).tolist() == [False]
+    assert len(found_of([], there)) == 0
