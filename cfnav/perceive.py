@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 
 from cfnav_core.files.json_file import write_json
 from cfnav_core.perception.boxes import LEAST, Detection
-from cfnav_core.perception.perception import NEWEST, OnnxPerception, PerceptionError
+from cfnav_core.perception.perception import NETWORKS, OnnxPerception, PerceptionError
 from cfnav_core.perception.pictures import draw_detections, read_rgb, window, write_png
 from cfnav_core.policy.bundle import PERCEPTION, BundleHead, find_bundle
 
@@ -30,7 +30,10 @@ class Perceive:
     bundle: Path | None = None
     """Bundle whose perception looks, a folder or the name of a shipped one."""
     perception: Path | None = None
-    """A perception.onnx instead; without either the newest that comes with cfnav."""
+    """A perception.onnx instead."""
+    camera: Literal["mast", "stock_wide"] = "mast"
+    """Without either, which network of those that come with cfnav: for pictures from a mast, or
+    from a TurtleBot 4 as sold."""
     least: float = LEAST
     """Score, 0 to 1, from which a thing is named."""
     out: Path | None = None
@@ -72,7 +75,7 @@ class Perceive:
 
     def _network(self) -> OnnxPerception:
         """The perception, which gives boxes."""
-        path = self.perception or NEWEST
+        path = self.perception or NETWORKS[self.camera]
         if self.bundle and not self.perception:
             folder = find_bundle(self.bundle)
             path = BundleHead.load(folder).file(folder, PERCEPTION)

@@ -31,9 +31,9 @@ FEATURES = 256
 MAPS = "shown"
 """Output of a network that tells where in the picture each object is shown."""
 
-NEWEST = Path(__file__).with_name("mast.onnx")
-"""The newest built-in network, for pictures from the mast; MAST.md beside it says how it was made.
-It gives boxes. No shipped policy has learnt with it yet, so the bundles have an older one."""
+NETWORKS = {name: Path(__file__).with_name(f"{name}.onnx") for name in ("mast", "stock_wide")}
+"""Networks that give boxes, by the camera whose pictures they learnt from; MAST.md and so on beside
+them say how. No shipped policy has learnt with one yet, so the bundles have an older network."""
 
 METADATA = "cfnav"
 """Key under which an ONNX file says what it perceives, as JSON; see ``describe``."""
