@@ -81,12 +81,15 @@ def test_demo_over_the_real_graph_leaves_a_bag_that_tells_the_truth(
         for name in ("goal", "outcome", "success", "collisions", "cf_success", "steps"):
             assert bag[name] == live[name]
         told = (out / "logs/policy_node.log").read_text()
-        assert (bag["outcome"], bag["steps"]) == ("done", 7), told
+        assert bag["outcome"] == "done", told
     assert sum(e["collisions"] for e in metrics["episodes"]) > 0
     assert set(metrics) >= {"sr", "spl", "cf_sr", "cf_spl", "seed", "commit", "command"}
     assert metrics["bundle"] == "eager"
     evaluation = evaluate(out / "bag", JudgeOptions())
     assert (evaluation.damaged, evaluation.missing) == (False, ())
+    # On a busy machine the base may still give way to a wall after a decision: it looks once more.
+    carried_out = [sum(not d.vetoed for d in one.drive.decisions) for one in evaluation.drives]
+    assert carried_out == [7, 7, 7]
     judged = [live_outcome(drive.drive) for drive in evaluation.drives]
     assert [asdict(outcome) for outcome in judged if outcome] == metrics["episodes"]
     assert len(list((out / "trajectories").glob("*.png"))) == 3
