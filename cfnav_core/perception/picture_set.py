@@ -14,6 +14,7 @@ from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.vocabulary import CATEGORIES
 
 HEAD = "set.json"
+"""Of a finished set: what it is of."""
 FIELDS = ("pictures", "heat", "depth", "floor", "visible")
 
 

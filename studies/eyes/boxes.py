@@ -27,7 +27,7 @@ from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.camera import MAST
 from cfnav_core.task.visibility import VISIBLE_PIXELS
 from studies.engine.pages import table
-from studies.eyes.detectors import overlap
+from studies.eyes.detectors import overlap, paired
 from studies.eyes.rooms import boxes_of, views_of_rooms
 
 FITS = 0.5
@@ -148,21 +148,8 @@ def fit(views: Sequence[View], network: OnnxPerception, share: float, between_ce
                 continue
             shared = np.stack([overlap(np.array(box), mine) for box, _ in there])
             best += shared.max(0).tolist()
-            pairs += pairs_of(shared[[large for _, large in there]])
+            pairs += int(paired(shared[[large for _, large in there]], FITS).sum())
     return Fit(float(np.mean(best)), boxes, things, pairs)
-
-
-def pairs_of(shared: np.ndarray) -> int:
-    """How many pairs of a thing and a box fit, the best first, each in one pair only.
-
-    Args:
-        shared: float [things, boxes], intersection through union.
-    """
-    left, count = shared.copy(), 0
-    while left.size and left.max() >= FITS:
-        thing, box = np.unravel_index(int(left.argmax()), left.shape)
-        left[thing], left[:, box], count = -1, -1, count + 1
-    return count
 
 
 def run(options: BoxOptions, folder: Path) -> dict[str, list[Fit]]:

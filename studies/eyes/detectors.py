@@ -128,6 +128,21 @@ def overlap(box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     return shared / np.maximum(areas - shared, 1e-9)
 
 
+def paired(shared: np.ndarray, least: float) -> np.ndarray:
+    """Which things have a box: bool [things]; the best pair first, each in one pair only.
+
+    Args:
+        shared: float [things, boxes], intersection through union; below ``least`` where a thing and
+            a box cannot be a pair.
+        least: intersection through union of a pair, above 0.
+    """
+    left, out = shared.copy(), np.zeros(len(shared), bool)
+    while left.size and left.max() >= least:
+        thing, box = np.unravel_index(int(left.argmax()), left.shape)
+        left[thing], left[:, box], out[thing] = -1, -1, True
+    return out
+
+
 def squeezed(rgb: np.ndarray, side: int) -> np.ndarray:
     """A picture resized to a square whatever its shape, uint8 [side, side, 3]."""
     return np.asarray(Image.fromarray(rgb).resize((side, side), Image.Resampling.BILINEAR))

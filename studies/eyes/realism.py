@@ -3,8 +3,8 @@
 It was trained on photographs, so what it finds in a rendering says how real that looks. A thing of
 its classes counts when it fills at least ``LEAST_SHARE`` of the picture, and is found when a
 detection of its class with a score above ``SCORE`` overlaps it, each detection one thing at most.
-``--furniture real`` asks the same
-of the boxes in the real pictures, which is what a rendering could reach at best.
+``--furniture real`` asks the same of the boxes in the real pictures, which is what a rendering could
+reach at best.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_file import write_json
@@ -25,7 +24,7 @@ from cfnav_core.files.provenance import commit, sha256
 from cfnav_core.perception.boxes import Box, Detection
 from cfnav_core.perception.pictures import read_rgb
 from cfnav_core.task.intervals import interval_of_share
-from studies.eyes.detectors import CATEGORY_OF, Detector, overlap
+from studies.eyes.detectors import CATEGORY_OF, Detector, overlap, paired
 from studies.eyes.fetch import CACHE, picture_path
 from studies.eyes.pictures import TABLE, crop, load_pictures
 from studies.eyes.rooms import boxes_of, views_of_rooms
@@ -125,16 +124,13 @@ def views_of_pictures(cache: Path) -> Iterator[View]:
 
 
 def found_of(things: Sequence[tuple[str, Box]], detections: Sequence[Detection]) -> np.ndarray:
-    """Which things have a detection of their class for themselves: bool [things], most possible."""
-    fits = np.zeros((len(things), len(detections)), bool)
+    """Which things have a detection of their class for themselves: bool [things]."""
     boxes = np.array([one.box for one in detections]).reshape(-1, 4)
+    shared = np.zeros((len(things), len(detections)))
     for k, (name, box) in enumerate(things):
         of_class = np.array([one.name in CLASSES[name] for one in detections], bool)
-        fits[k] = of_class & (overlap(np.array(box), boxes) >= OVERLAP)
-    out = np.zeros(len(things), bool)
-    which, by = linear_sum_assignment(fits, maximize=True)
-    out[which] = fits[which, by]
-    return out
+        shared[k] = of_class * overlap(np.array(box), boxes)
+    return paired(shared, OVERLAP)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ with Domain({}) as number:
 """
 
 
-FREE = 10 * os.getpid()
+FREE = 1000 + 10 * os.getpid()
 """Far above those of ROS, so that no graph of another test has it or the next."""
 
 

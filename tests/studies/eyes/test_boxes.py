@@ -7,16 +7,9 @@ import pytest
 
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.policy.bundle import shipped_perception
-from studies.eyes.boxes import View, fit, give_maps, pairs_of
+from studies.eyes.boxes import View, fit, give_maps
 from tests.core.perception.made import colour_maps
 from tests.studies.eyes.made import colour_perception
-
-
-def test_each_box_and_each_thing_is_in_one_pair():
-    assert pairs_of(np.array([[0.9, 0.8], [0.7, 0.1]])) == 1
-    assert pairs_of(np.array([[0.9, 0.8], [0.7, 0.6]])) == 2
-    assert pairs_of(np.array([[0.49]])) == 0
-    assert pairs_of(np.empty((0, 2))) == 0
 
 
 def test_boxes_are_judged_by_the_thing_that_they_fit_best(tmp_path):

@@ -14,8 +14,17 @@ from studies.eyes.detectors import (
     kept,
     letterboxed,
     nanodet_boxes,
+    paired,
 )
 from tests.studies.eyes.made import constant_detector, save
+
+
+def test_each_box_and_each_thing_is_in_one_pair():
+    assert paired(np.array([[0.9, 0.8], [0.7, 0.1]]), 0.5).tolist() == [True, False]
+    assert paired(np.array([[0.9, 0.8], [0.7, 0.6]]), 0.5).tolist() == [True, True]
+    assert paired(np.array([[0.49]]), 0.5).tolist() == [False]
+    assert paired(np.empty((0, 2)), 0.5).tolist() == []
+    assert paired(np.empty((1, 0)), 0.5).tolist() == [False]
 
 
 def test_coco_has_80_classes():
