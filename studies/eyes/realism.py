@@ -3,8 +3,8 @@
 It was trained on photographs, so what it finds in a rendering says how real that looks. A thing of
 its classes counts when it fills at least ``LEAST_SHARE`` of the picture, and is found when a
 detection of its class with a score above ``SCORE`` overlaps it, each detection one thing at most.
-``--furniture real`` asks the same of the boxes in the real pictures, which is what a rendering could
-reach at best.
+``--furniture real`` asks the same of the boxes in the real pictures, which is what a rendering
+could reach at best.
 """
 
 from __future__ import annotations
