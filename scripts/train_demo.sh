@@ -66,7 +66,7 @@ remake() { # remake CAMERA NAME
   camera=$1 out=${OUT:-out/train}/$1
   perception=$out/perception/perception.onnx
   once perception see
-  begin=$out/perception/perception.checkpoint
+  begin=$perception
   render() { cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
     --out "$out/scenes"; }
   once rooms render $training $validation

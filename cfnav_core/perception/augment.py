@@ -38,16 +38,21 @@ class Labelled:
     Attributes:
         pictures: float32 [N, 3, *P] in 0..1; P, Q, R see ``sight.Sight``.
         heat: float32 [N, C, *Q], pixels of each category per cell.
+        near: float32 [N, C, *Q], those of visible things.
         depth: float32 [N, *R], metres.
         floor: float32 [N, *R], share 0..1.
-        visible: float32 [N, C].
     """
 
     pictures: Tensor
     heat: Tensor
+    near: Tensor
     depth: Tensor
     floor: Tensor
-    visible: Tensor
+
+    @property
+    def visible(self) -> Tensor:
+        """float32 [N, C]: which categories are visible."""
+        return (self.near.amax((2, 3)) > 0).float()
 
 
 def augment(batch: Labelled, generator: torch.Generator) -> Labelled:
@@ -79,7 +84,7 @@ def _moved(batch: Labelled, generator: torch.Generator) -> Labelled:
     n, _, height, width = batch.pictures.shape
     roll, across, down, bend = torch.randn(4, n, 1, 1, generator=generator)
     aspect = width / height
-    maps = (batch.heat, batch.depth[:, None], batch.floor[:, None])
+    maps = (torch.cat([batch.heat, batch.near], 1), batch.depth[:, None], batch.floor[:, None])
 
     def grid(rows: int, columns: int) -> Tensor:
         y, x = torch.meshgrid(
@@ -94,12 +99,12 @@ def _moved(batch: Labelled, generator: torch.Generator) -> Labelled:
     pictures = F.grid_sample(
         batch.pictures, grid(height, width), padding_mode="reflection", align_corners=True
     )
-    heat, depth, floor = (
+    pixels, depth, floor = (
         F.grid_sample(m, grid(*m.shape[2:]), padding_mode=padding, align_corners=True)
         for m, padding in zip(maps, ("zeros", "border", "border"), strict=True)
     )
-    shown = (heat.amax((2, 3)) > 0).float()
-    return Labelled(pictures, heat, depth[:, 0], floor[:, 0], batch.visible * shown)
+    heat, near = pixels.chunk(2, 1)
+    return Labelled(pictures, heat, near, depth[:, 0], floor[:, 0])
 
 
 def _mirrored(batch: Labelled, generator: torch.Generator) -> Labelled:
@@ -109,8 +114,9 @@ def _mirrored(batch: Labelled, generator: torch.Generator) -> Labelled:
         return torch.where(flip.view(-1, *[1] * (values.dim() - 1)), values.flip(-1), values)
 
     return Labelled(
-        some(batch.pictures), some(batch.heat), some(batch.depth), some(batch.floor), batch.visible
-    )
+        some(batch.pictures), some(batch.heat), some(batch.near),
+        some(batch.depth), some(batch.floor),
+    )  # fmt: skip
 
 
 def _blurred(pictures: Tensor, generator: torch.Generator) -> Tensor:

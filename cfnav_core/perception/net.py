@@ -82,34 +82,33 @@ class PerceptionNet(nn.Module):
         return maps[:, : self.objects], maps[:, self.objects :], features, geometry
 
 
+def _missed(logits: Tensor, pixels: Tensor) -> Tensor:
+    """How far the cells of a map are from what they are to say of the pixels in them."""
+    enough = pixels >= MIN_CELL_PIXELS
+    # the fullest cell of a small object counts, however few its pixels
+    fullest = enough & (pixels == pixels.amax((2, 3), keepdim=True))
+    target = torch.maximum((pixels / 24).clamp(max=1) * enough, fullest.float() * 0.9)
+    return F.binary_cross_entropy_with_logits(logits, target, pos_weight=torch.tensor(3.0))
+
+
 def perception_loss(
     output: tuple[Tensor, Tensor, Tensor, Tensor], batch: Labelled
 ) -> dict[str, Tensor]:
     """Terms of the loss; the training sums them.
-
-    Where a thing is near and another of its category is not, cells of both count as near: sets know
-    which categories are near, not which things.
 
     Args:
         output: of ``PerceptionNet``.
         batch: what it looked at, with its labels.
     """
     shown, near, _, geometry = output
-    heat, depth, floor, visible = batch.heat, batch.depth, batch.floor, batch.visible
-    best = heat.amax((2, 3), keepdim=True)
-    target = (heat / 24).clamp(max=1) * (heat >= MIN_CELL_PIXELS)
-    # the fullest cell of a small object counts, however few its pixels
-    target = torch.maximum(target, ((heat == best) & (best >= MIN_CELL_PIXELS)).float() * 0.9)
-    weight = torch.tensor(3.0)
-    per_cell = heat[0].numel() / 40
-    here = target * visible[:, :, None, None]
-    log_depth = depth.clamp(0.1, 8).log()
+    per_cell = batch.heat[0].numel() / 40
+    log_depth = batch.depth.clamp(0.1, 8).log()
     return {
-        "shown": per_cell * F.binary_cross_entropy_with_logits(shown, target, pos_weight=weight),
-        "near": per_cell * F.binary_cross_entropy_with_logits(near, here, pos_weight=weight),
-        "visible": 8 * F.binary_cross_entropy_with_logits(near.amax((2, 3)), visible),
+        "shown": per_cell * _missed(shown, batch.heat),
+        "near": per_cell * _missed(near, batch.near),
+        "visible": 8 * F.binary_cross_entropy_with_logits(near.amax((2, 3)), batch.visible),
         "depth": 3 * F.smooth_l1_loss(geometry[:, 0], log_depth, beta=0.1),
-        "floor": 1.5 * F.binary_cross_entropy_with_logits(geometry[:, 1], floor),
+        "floor": 1.5 * F.binary_cross_entropy_with_logits(geometry[:, 1], batch.floor),
     }
 
 
@@ -141,6 +140,8 @@ def export_perception(
 ) -> None:  # fmt: skip
     """Write ``perception.onnx`` (opset 17) for any number of pictures.
 
+    Weights keep their names in it, so that training can begin with them.
+
     Args:
         net: the network.
         path: where to.
@@ -153,5 +154,6 @@ def export_perception(
         ExportedPerception(net).eval(), (example,), str(path), dynamo=False, opset_version=17,
         input_names=["pictures"], output_names=["features", "detections", MAPS],
         dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections", MAPS)},
+        training=torch.onnx.TrainingMode.PRESERVE, do_constant_folding=False,
     )  # fmt: skip
     describe(path, objects, SCORES, camera)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from cfnav_core.task.vocabulary import CATEGORIES
 
 HEAD = "set.json"
 """Of a finished set: what it is of."""
-FIELDS = ("pictures", "heat", "depth", "floor", "visible")
+FIELDS = ("pictures", "heat", "near", "depth", "floor")
 
 
 @dataclass(frozen=True)
@@ -27,22 +28,29 @@ class PictureSet:
             camera's ``Sight``, 150x150, 19x19 and 10x10 from the mast.
         heat: uint8 [N, *Q, C], pixels of each category in each cell of the full picture (cells of
             16 pixels of the picture padded alike on both sides), at most 255.
+        near: uint8 [N, *Q, C], such pixels of things that are visible (``visibility.visible``).
         depth: float16 [N, *R], mean metres along the optical axis.
         floor: uint8 [N, *R], share of floor, 0..255.
-        visible: bool [N, C], see ``visibility.visible``.
         objects: names of the C categories.
         camera: that took them.
-        source: what made the room and its pictures, and its version; "" in sets that do not say.
+        source: what made the room and its pictures, and its version.
+        states: of the room, from which the views were drawn.
     """
 
     pictures: np.ndarray
     heat: np.ndarray
+    near: np.ndarray
     depth: np.ndarray
     floor: np.ndarray
-    visible: np.ndarray
     objects: tuple[str, ...] = CATEGORIES
     camera: CameraSetUp = MAST
     source: str = ""
+    states: int = 0
+
+    @cached_property
+    def visible(self) -> np.ndarray:
+        """Bool [N, C]: which categories are visible."""
+        return np.asarray(self.near).max((1, 2)) > 0
 
     def save(self, folder: Path) -> None:
         """Write the set; ``folder`` appears only when complete.
@@ -53,7 +61,8 @@ class PictureSet:
         with writing(folder), whole(folder) as partial:
             partial.mkdir(parents=True)
             head = {
-                "categories": self.objects, "camera": self.camera.to_json(), "source": self.source
+                "categories": self.objects, "camera": self.camera.to_json(),
+                "source": self.source, "states": self.states,
             }  # fmt: skip
             for key in FIELDS:
                 np.save(partial / f"{key}.npy", getattr(self, key))
@@ -69,11 +78,10 @@ class PictureSet:
         try:
             head = json.loads((folder / HEAD).read_text())
             arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="r") for k in FIELDS}
-            camera = head.get("camera")  # sets that say none were taken from the mast
             out = cls(
                 **arrays, objects=tuple(head["categories"]),
-                camera=CameraSetUp.from_json(camera) if camera else MAST,
-                source=head.get("source", ""),
+                camera=CameraSetUp.from_json(head["camera"]),
+                source=head["source"], states=head["states"],
             )  # fmt: skip
         except (OSError, ValueError, KeyError) as error:
             raise ValueError(
@@ -81,6 +89,6 @@ class PictureSet:
                 "cfnav rooms make --views N"
             ) from error
         expected = (len(out.pictures), *Sight.of(out.camera).picture, 3)
-        if out.visible.shape[1:] != (len(out.objects),) or out.pictures.shape != expected:
+        if out.near.shape[3:] != (len(out.objects),) or out.pictures.shape != expected:
             raise ValueError(f"found a picture set of another version in {folder}; make it again")
         return out

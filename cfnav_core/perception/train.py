@@ -14,7 +14,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
+from google.protobuf.message import DecodeError
+from onnx import numpy_helper
+from torch import Tensor
 from tqdm import tqdm
 
 from cfnav_core.files.checkpoint import (
@@ -39,6 +43,8 @@ ROOMS_A_BATCH = 16
 TRUNK_RATE = 0.1
 """Learning rate of the trunk, as a share: it has seen photographs, and is to remember them."""
 LEAST_SETS = 4
+OF_WHOLE_PICTURE = ("where", "squeeze.3.", "geometry.")
+"""Layers whose size is the picture's."""
 RESCAN_S, COMING_S = 30.0, 300.0
 """How often new sets are looked for, and how long the next one may take, seconds."""
 
@@ -69,8 +75,8 @@ class PerceptionOptions:
     """Begin with first layers that learnt from photographs (perception.trunk); else with random
     ones."""
     begin: Path | None = None
-    """Checkpoint of a network to begin with: of another camera, every layer but those that read the
-    whole picture."""
+    """A network to begin with, its checkpoint or its ONNX file: of another camera, every layer but
+    those that read the whole picture."""
     checkpoint_s: float = 120.0
     """Seconds between checkpoints."""
 
@@ -144,7 +150,7 @@ class Shelf:
                     "folder of its own"
                 )
             rows.append(
-                taken(pictures, np.sort(rng.integers(len(pictures.visible), size=len(part))))
+                taken(pictures, np.sort(rng.integers(len(pictures.pictures), size=len(part))))
             )
         return _tensors({k: np.concatenate([row[k] for row in rows]) for k in FIELDS})
 
@@ -157,31 +163,50 @@ def taken(pictures: PictureSet, index: np.ndarray) -> dict[str, np.ndarray]:
 def _tensors(arrays: dict[str, np.ndarray]) -> Labelled:
     a = {key: torch.from_numpy(value) for key, value in arrays.items()}
     return Labelled(
-        a["pictures"].permute(0, 3, 1, 2).float() / 255, a["heat"].permute(0, 3, 1, 2).float(),
-        a["depth"].float(), a["floor"].float() / 255, a["visible"].float(),
+        a["pictures"].permute(0, 3, 1, 2).float() / 255,
+        a["heat"].permute(0, 3, 1, 2).float(), a["near"].permute(0, 3, 1, 2).float(),
+        a["depth"].float(), a["floor"].float() / 255,
     )  # fmt: skip
 
 
 def begin_with(net: PerceptionNet, path: Path) -> None:
     """Take over the weights of another network wherever their shapes agree.
 
+    Args:
+        net: takes them.
+        path: checkpoint, or what ``export_perception`` wrote.
+
     Raises:
-        CheckpointError: it is damaged, or its first layers are others.
+        CheckpointError: it is damaged, or its layers are others.
     """
-    tensors, _ = load_tensors(path, SUPERVISED)
+    tensors = _exported(path) if path.suffix == ".onnx" else load_tensors(path, SUPERVISED)[0]
     own = net.state_dict()
     same = {
         name: tensors[f"net.{name}"]
         for name, weight in own.items()
         if getattr(tensors.get(f"net.{name}"), "shape", None) == weight.shape
     }
-    missing = [name for name in own if name.startswith("trunk.") and name not in same]
+    missing = [
+        name for name in own if name not in same and not name.startswith(OF_WHOLE_PICTURE)
+        and not name.endswith("num_batches_tracked")
+    ]  # fmt: skip
     if missing:
         raise CheckpointError(
-            f"found no weights for {missing[0]} and {len(missing) - 1} more in {path}, expected a "
-            "checkpoint of cfnav perception"
+            f"found no weights for {missing[0]} and {len(missing) - 1} more in {path}, expected "
+            "what cfnav perception wrote, not before its networks could be trained on"
         )
     net.load_state_dict(same, strict=False)
+
+
+def _exported(path: Path) -> dict[str, Tensor]:
+    """The weights of an ONNX file by name."""
+    try:
+        graph = onnx.load(path).graph
+    except (OSError, DecodeError) as error:
+        raise CheckpointError(
+            f"found no readable network at {path} ({error}); name another file"
+        ) from error
+    return {w.name: torch.from_numpy(numpy_helper.to_array(w).copy()) for w in graph.initializer}
 
 
 def learning_rate(progress: float, peak: float) -> float:
@@ -197,7 +222,7 @@ def _scores(net: PerceptionNet, folders: list[Path]) -> Iterator[tuple[np.ndarra
     for folder in folders:
         pictures = PictureSet.load(folder)
         for index in np.array_split(
-            np.arange(len(pictures.visible)), 1 + len(pictures.visible) // 100
+            np.arange(len(pictures.pictures)), 1 + len(pictures.pictures) // 100
         ):
             batch = _tensors(taken(pictures, index))
             shown, near, _, geometry = net(

@@ -246,17 +246,20 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
         for state in states:
             pose = grid.pose(int(state))
             picture = camera.picture(pose)
+            seen = camera.visible_things(pose, picture.pixels(len(objects)))
+            near = np.where(np.append(seen, False), category, -1)
             rows.append((
                 percept.preprocess(shifted(picture.rgb, look.visual_shift)),
                 _heat(category[picture.owner], sight),
+                _heat(near[picture.owner], sight),
                 _coarse(picture.depth, sight).astype(np.float16),
                 (_coarse(flat[picture.owner], sight) * 255).astype(np.uint8),
-                camera.visible_categories(pose, picture.pixels(len(objects))),
             ))  # fmt: skip
     arrays = dict(zip(FIELDS, map(np.stack, zip(*rows, strict=True)), strict=True))
     source = room_source(kind, look.visual_shift)
-    made = PictureSet(**arrays, objects=CATEGORIES, camera=look.camera, source=source)
-    made.save(room_folder(out, kind, seed))
+    PictureSet(
+        **arrays, objects=CATEGORIES, camera=look.camera, source=source, states=len(grid.next_state)
+    ).save(room_folder(out, kind, seed))
     return len(states)
 
 
@@ -288,7 +291,8 @@ def _finished(kind: str, seed: int, options: RoomOptions, look: Look) -> bool:
             there = PictureSet.load(folder)
         except ValueError:  # missing or damaged
             return False
-        return (there.source, there.camera) == made_with and len(there.pictures) >= options.views
+        asked = min(options.views, there.states)
+        return (there.source, there.camera) == made_with and len(there.pictures) >= asked
     scene, identity = _whole(folder), OnnxPerception(look.perception).identity
     return scene is not None and (identity, *made_with) == (
         scene.perception, scene.source, scene.camera

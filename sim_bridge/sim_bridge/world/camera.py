@@ -109,10 +109,10 @@ class Camera:
         self._aim(pose or self._world.pose)
         return np.bincount(self._owners().ravel() + 1, minlength=len(self._category) + 1)[1:]
 
-    def visible_categories(
+    def visible_things(
         self, pose: Pose | None = None, owner_pixels: np.ndarray | None = None
     ) -> np.ndarray:
-        """Bool [C]: which categories are visible at a pose (the robot's own when None).
+        """Bool [objects]: which things of a category are visible (at the robot's pose when None).
 
         Args:
             pose: of the robot.
@@ -128,9 +128,14 @@ class Camera:
         if owner_pixels is None:
             owner_pixels = self._near_pixels(pose, distance <= VISIBLE_DISTANCE_M)
         area = self._shape[0] * self._shape[1]
-        seen = visible(owner_pixels, distance, area) & (self._category >= 0)
+        return visible(owner_pixels, distance, area) & (self._category >= 0)
+
+    def visible_categories(
+        self, pose: Pose | None = None, owner_pixels: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Bool [C]: of which categories anything is visible, see ``visible_things``."""
         out = np.zeros(len(CATEGORIES), bool)
-        out[self._category[seen]] = True
+        out[self._category[self.visible_things(pose, owner_pixels)]] = True
         return out
 
     def goal_visible(self, goal: str, pose: Pose | None = None) -> bool:

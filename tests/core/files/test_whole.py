@@ -33,8 +33,9 @@ def knowledge(path, n):
 
 def pictures(path, n):
     PictureSet(
-        np.zeros((n, 150, 150, 3), np.uint8), *(np.zeros((n, 10, 10), np.uint8) for _ in range(3)),
-        np.zeros((n, len(CATEGORIES)), bool),
+        np.zeros((n, 150, 150, 3), np.uint8),
+        *(np.zeros((n, 19, 19, len(CATEGORIES)), np.uint8) for _ in range(2)),
+        *(np.zeros((n, 10, 10), np.uint8) for _ in range(2)),
     ).save(path)  # fmt: skip
 
 

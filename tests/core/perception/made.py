@@ -54,15 +54,13 @@ def picture_set(folder, seed, camera=SMALL, count=24, kind="kitchen"):
     rows, columns = sight.heat
     pictures = rng.integers(0, 60, (count, *sight.picture, 3), np.uint8)
     heat = np.zeros((count, rows, columns, len(CATEGORIES)), np.uint8)
-    visible = np.zeros((count, len(CATEGORIES)), bool)
     for k in range(count):
         row, column = int(rng.integers(rows)), int(rng.integers(columns))
         pictures[k, 8 * row : 8 * row + 8, 8 * column : 8 * column + 8] = 250
         thing = CATEGORIES.index("Mug" if column < columns / 2 else "Bowl")
         heat[k, row, column, thing] = 255
-        visible[k, thing] = True
     sizes = (count, *sight.coarse)
     PictureSet(
-        pictures, heat, np.full(sizes, 2.0, np.float16), np.zeros(sizes, np.uint8), visible,
+        pictures, heat, heat, np.full(sizes, 2.0, np.float16), np.zeros(sizes, np.uint8),
         CATEGORIES, camera,
     ).save(folder / f"{kind}_{seed:05d}")  # fmt: skip

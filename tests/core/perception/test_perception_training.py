@@ -59,18 +59,21 @@ def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_kille
     assert more["held out, sweet_home"]["rooms"] == 1
 
 
-def test_a_network_begins_with_the_layers_of_another_camera(options, tmp_path):
+@pytest.mark.parametrize("file", ["other.checkpoint", "other.onnx"])
+def test_a_network_begins_with_the_layers_of_another_camera(file, options, tmp_path):
     torch.manual_seed(5)
     other, net = PerceptionNet(), PerceptionNet(sight=Sight.of(SMALL))
+    other(torch.rand(4, 3, *other.sight.picture))  # norms that are not as they were born
     save_state(tmp_path / "other.checkpoint", other, torch.optim.AdamW(other.parameters()), 64)
+    export_perception(other, tmp_path / "other.onnx")
     before = net.geometry.weight.clone()
-    begin_with(net, tmp_path / "other.checkpoint")
+    begin_with(net, tmp_path / file)
     for name in ("trunk.stages.2.last.0.weight", "fine.1.running_var", "context.bias"):
         assert torch.equal(net.state_dict()[name], other.state_dict()[name])
     assert torch.equal(net.geometry.weight, before)  # of another size
-    train(replace(options, pictures=64, begin=tmp_path / "other.checkpoint"))
-    (tmp_path / "other.checkpoint").unlink()
-    assert train(replace(options, pictures=128, begin=tmp_path / "other.checkpoint"))["seen"] == 128
+    train(replace(options, pictures=64, begin=tmp_path / file))
+    (tmp_path / file).unlink()
+    assert train(replace(options, pictures=128, begin=tmp_path / file))["seen"] == 128
 
 
 def test_what_no_network_was_saved_in_is_nothing_to_begin_with(tmp_path):
@@ -80,6 +83,9 @@ def test_what_no_network_was_saved_in_is_nothing_to_begin_with(tmp_path):
         CheckpointError, match=r"found no weights for trunk\.stem.* cfnav perception"
     ):
         begin_with(PerceptionNet(), tmp_path / "other.checkpoint")
+    (tmp_path / "other.onnx").write_bytes(b"none")
+    with pytest.raises(CheckpointError, match=r"found no readable network at .*other\.onnx"):
+        begin_with(PerceptionNet(), tmp_path / "other.onnx")
 
 
 def test_too_few_sets_are_one_sentence(tmp_path):
