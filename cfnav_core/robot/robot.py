@@ -77,6 +77,9 @@ class Robot:
 
     name: str = DEFAULT
     topics: Mapping[str, Topic] = field(default_factory=lambda: TOPICS)
+    bundle: str = setting(
+        "default", "that drives unless told: the name of a shipped one, or a folder"
+    )
     base_frame: str = setting("base_link", "frame of velocities and estimates")
     radius: float = setting(0.175, "hull, m", 0.01, 1.0)
     height: float = setting(0.351, "top of the hull over base_frame, m", 0.01, 3.0)
@@ -109,6 +112,11 @@ def robot_setting() -> Any:
 def robots() -> list[str]:
     """Names of the robots that are shipped."""
     return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+
+
+def simulated(tilts: bool) -> str:
+    """The robot that the mock is under a camera that tilts or not, the Lite's too."""
+    return DEFAULT if tilts else "turtlebot4"
 
 
 def load_robot(given: str | Path = DEFAULT) -> Robot:

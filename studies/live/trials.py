@@ -21,7 +21,6 @@ from cfnav_core.command import command_line, run_options
 from cfnav_core.files.json_lines import append_row, read_rows, write_rows
 from cfnav_core.files.locks import locked
 from cfnav_core.files.provenance import commit
-from cfnav_core.policy.bundle import find_bundle
 from studies.live import table_iv
 from studies.live.drive import by_trial
 from studies.live.identities import WORLD, identity_of
@@ -84,7 +83,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     rows = read_rows(config.out)
     asked = {
         **asdict(config), "bundle": str(config.bundle or "shipped"),
-        "networks": identity_of(find_bundle(config.bundle)), "world": WORLD,
+        "networks": identity_of(config.drives), "world": WORLD,
     }  # fmt: skip
     conditions = {name: asked[name] for name in CONDITIONS}
     for row in rows:

@@ -56,7 +56,7 @@ class JudgeOptions:
     """How bags are evaluated.
 
     Attributes:
-        bundles: folders of those that are replayed, by name; "" is the shipped one.
+        bundles: folders of those that are replayed, by name, or names of shipped ones.
         topics: names of topics by role, where they are not the usual ones.
         namespace: of the robot, where a bag holds several.
         rows: of an episodes file.
@@ -151,7 +151,7 @@ class BagEvaluation:
 @lru_cache(maxsize=8)
 def policy_of(folder: str) -> Policy:
     """A bundle, loaded once in this process; see ``Policy.load``."""
-    return Policy.load(folder or None)
+    return Policy.load(folder)
 
 
 def evaluate(

@@ -18,9 +18,7 @@ class PolicyParameters:
     """Parameters of ``policy_node``."""
 
     robot: str = robot_setting()
-    bundle: str = setting(
-        "", "folder of a bundle, or the name of a shipped one; empty: the default"
-    )
+    bundle: str = setting("default", "folder of a bundle, or the name of a shipped one")
     allow_robot: bool = setting(False, "drive more than the node named mock_turtlebot4")
     cmd_vel_type: str = setting("auto", "auto, stamped (TwistStamped) or unstamped (Twist)")
     cmd_vel_topic: str = setting(
@@ -62,6 +60,7 @@ class PolicyParameters:
         """What holds on a robot unless somebody says otherwise."""
         motion = MotionLimits(**asdict(robot.limits))
         return cls(
+            bundle=robot.bundle,
             base_frame=robot.base_frame,
             cmd_vel_type=robot.cmd_vel_type,
             tilt_joint=robot.tilt_joint,

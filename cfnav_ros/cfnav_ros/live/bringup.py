@@ -46,7 +46,7 @@ class Bringup:
     """Of the robot, such as robot1."""
     bundle: Path | None = None
     """Bundle that drives, a folder or the name of a shipped one; that of the parameter file, or
-    the default, when absent."""
+    the robot's, when absent."""
     bag: Path | None = None
     """Record the drive into this folder."""
     logs: Path = Path("out/bringup")

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from cfnav_core.command import DONE, PARTLY, command_line, run_options
 from cfnav_core.files.provenance import commit
 from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.robot.robot import load_robot, simulated
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.limits import step_limit
 from cfnav_core.task.rooms import parse_room, type_of
@@ -58,7 +59,8 @@ class DemoConfig:
     out: Path = Path("out/demo")
     """Folder of the results."""
     bundle: Path | None = None
-    """Bundle that drives, a folder or the name of a shipped one; the default when not given."""
+    """Bundle that drives, a folder or the name of a shipped one; when not given that of the robot
+    under this camera."""
     episodes: int = 0
     """Number of episodes; 0: one for each room and goal, or one for each room without goals."""
     max_steps: int = 0
@@ -72,6 +74,12 @@ class DemoConfig:
     """ROS domain; one that is free when not given."""
     report: bool = True
     """Write pictures and the page."""
+
+    @property
+    def drives(self) -> Path:
+        """Folder of the bundle."""
+        robot = load_robot(simulated(CameraSetUp.read(self.camera).tilts))
+        return find_bundle(self.bundle or robot.bundle)
 
     def run_command(self) -> int:
         """Run the demo and print what came of it; bag and simulator may disagree (1)."""
@@ -91,7 +99,7 @@ def known_goals(config: DemoConfig) -> tuple[str, ...]:
         GraphError: a goal asked for is none of them.
         ValueError: there is no such camera.
     """
-    head = BundleHead.load(find_bundle(config.bundle))
+    head = BundleHead.load(config.drives)
     camera = CameraSetUp.read(config.camera)
     if head.camera and str(head.camera) != str(camera):
         print(f"bundle {head.name} learnt from a camera of {head.camera}; the robot's is {camera}")
@@ -243,8 +251,7 @@ def run_trial(graph: RosGraph, trial: Trial, max_steps: int = 0) -> Outcome:
 
 def _options(config: DemoConfig) -> JudgeOptions:
     """How the bag is judged: for the page, the bundle that drove is asked once more."""
-    head = BundleHead.load(find_bundle(config.bundle))
-    bundles = {head.name: str(config.bundle or "")} if config.report else {}
+    bundles = {BundleHead.load(config.drives).name: str(config.drives)} if config.report else {}
     return JudgeOptions(bundles=bundles, limits=EpisodeLimits(veto=config.veto))
 
 

@@ -51,7 +51,7 @@ class BagEvalConfig:
     """Folder of the report and the figures."""
     bundle: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """Bundle to replay, a folder or the name of a shipped one, again for each to compare; the
-    default when not given."""
+    robot's when not given."""
     replay: bool = True
     """Replay bundles; without, only what happened is judged."""
     topic: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
@@ -202,13 +202,14 @@ def options_of(config: BagEvalConfig) -> JudgeOptions:
     Raises:
         ValueError: a topic, a file or a bundle cannot be used; one sentence.
     """
-    folders = [str(path) for path in config.bundle] or [""]
-    bundles = dict(zip(_names(folders), folders, strict=True)) if config.replay else {}
-    for folder in bundles.values():
-        policy_of(folder)  # one that cannot be used is told before hours are spent
     rows = read_episodes(config.episodes) if config.episodes else ()
     topics = parse_topics(config.topic)
     told = read_parameters(config.params, config.robot)
+    names = _names(config.bundle) if config.bundle else [SHIPPED]
+    folders = [str(path) for path in config.bundle] or [told.policy.bundle]
+    bundles = dict(zip(names, folders, strict=True)) if config.replay else {}
+    for folder in bundles.values():
+        policy_of(folder)  # one that cannot be used is told before hours are spent
     return JudgeOptions(
         bundles=bundles, topics=names_of(told.robot) | topics, namespace=config.namespace,
         rows=rows, lidar=told.lidar, mount_given=told.mount_given, limits=told.policy.episode,
@@ -216,9 +217,9 @@ def options_of(config: BagEvalConfig) -> JudgeOptions:
     )  # fmt: skip
 
 
-def _names(folders: Sequence[str]) -> list[str]:
+def _names(folders: Sequence[Path]) -> list[str]:
     """Names by which bundles are told apart: their folders', made longer where they are alike."""
-    paths = [Path(folder).resolve() if folder else Path(SHIPPED) for folder in folders]
+    paths = [folder.resolve() for folder in folders]
     for depth in range(1, max(len(path.parts) for path in paths) + 1):
         names = ["/".join(path.parts[-depth:]) for path in paths]
         if len(set(names)) == len(names):

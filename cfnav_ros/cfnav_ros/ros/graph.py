@@ -31,8 +31,8 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from cfnav_core.command.interrupt import INTERRUPT
-from cfnav_core.policy.bundle import find_bundle
-from cfnav_core.robot.robot import DEFAULT, load_robot
+from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.robot.robot import load_robot, simulated
 from cfnav_core.robot.topics import TOPICS
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.p_hat import SOURCES, PHat
@@ -70,7 +70,7 @@ class GraphConfig:
         room: the room that the simulator starts with, such as ``kitchen:25``.
         logs: folder for the log of each process.
         speed: simulated seconds per wall second; 0 is as fast as it goes.
-        bundle: what drives: a folder, or the name of a shipped one; None is the default.
+        bundle: what drives: a folder, or the name of a shipped one; None is the robot's.
         veto: whether the LiDAR may forbid a MoveAhead.
         domain: ROS domain; None draws a free one.
         bag: where everything is recorded; None records nothing.
@@ -107,9 +107,12 @@ class GraphConfig:
     @property
     def described(self) -> str:
         """Name or file of the robot."""
-        # The mock has the standard's hull and LiDAR under every camera, the Lite's too.
-        fixed = not CameraSetUp.read(self.camera).tilts
-        return str(self.robot or ("turtlebot4" if fixed else DEFAULT))
+        return str(self.robot or simulated(CameraSetUp.read(self.camera).tilts))
+
+    @property
+    def drives(self) -> Path:
+        """Folder of the bundle."""
+        return find_bundle(self.bundle or load_robot(self.described).bundle).resolve()
 
     @property
     def parts(self) -> list[NodeStart]:
@@ -118,6 +121,7 @@ class GraphConfig:
         lidar = [] if told else ["lidar_collision_node"]
         # What this machine takes for a command is as many times longer in simulated time.
         lag = min(EpisodeLimits().command_lag * self.speed, 10.0) if self.speed > 1 else None
+        other = BundleHead.load(self.drives).camera != CameraSetUp.read(self.camera)
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),
             "camera": self.camera, "depth": self.depth or None,
@@ -125,8 +129,8 @@ class GraphConfig:
             "true_estimate": told or None, "lock_step": self.lock_step, "use_sim_time": True,
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
             "episode.command_lag": lag,
-            "sample_seed": self.sample_seed, "other_camera": self.camera != "mast" or None,
-            "bundle": self.bundle and find_bundle(self.bundle).resolve(),
+            "sample_seed": self.sample_seed, "other_camera": other or None,
+            "bundle": self.drives,
         }  # fmt: skip
         return parts(["mock_turtlebot4", *lidar, "policy_node"], given)
 

@@ -69,7 +69,7 @@ class PolicyNode(Node):
         robot = named_robot(self)
         settings = self._settings = declare(self, PolicyParameters.of(robot), self._adopt)
         sample_seed = None if settings.sample_seed < 0 else settings.sample_seed
-        self._policy = Policy.load(settings.bundle or None, settings.backend, sample_seed)
+        self._policy = Policy.load(settings.bundle, settings.backend, sample_seed)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._inferences = Stopwatch()
         self.episode: Episode | None = None

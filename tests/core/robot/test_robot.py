@@ -63,7 +63,7 @@ def read(folder: Path, *changes: tuple[str, str]) -> None:
         ("unstamped ", "both ", "cmd_vel_type is 'both', expected auto, stamped, unstamped."),
         ("radius: 0.2 ", "radius: 7.0 ", "radius is 7.0, expected 0.01 to 1."),
         ("radius: 0.2 ", "radius: wide ", "radius is 'wide', expected float, such as 0.175."),
-        ("mast_height", "mast_hight", "There is no parameter 'mast_hight'; there are base_frame,"),
+        ("mast_height", "mast_hight", "There is no parameter 'mast_hight'; there are bundle,"),
         ("  hazards: null ", "  hazard: null ", "topics has 'hazard', expected roles: image, "),
         ("  hazards: null ", "  hazards: 3 ", "topics.hazards is 3, expected a name, or null"),
         ("image: camera/image_raw ", "scan: null ", "topics.scan is null, but nothing can be"),
