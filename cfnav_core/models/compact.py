@@ -29,7 +29,7 @@ class Compact(NavModel):
 
     Args:
         inputs: of any shape.
-        size: its ``channels`` and ``dropout`` mean nothing here.
+        size: its ``channels`` mean nothing here.
         knowledge: nothing of it is needed.
     """
 
@@ -40,6 +40,7 @@ class Compact(NavModel):
         objects, columns, hidden = len(inputs.objects), inputs.detections, size.hidden
         seen = math.prod(inputs.features) + objects * columns
         self.picture = nn.Sequential(nn.Linear(seen, 256), nn.ReLU())
+        self.dropout = nn.Dropout(size.dropout)
         self.goal = nn.Linear(objects, 32, bias=False)
         self.target = nn.Sequential(nn.Linear(32 + columns, 64), nn.ReLU())
         self.action = nn.Sequential(nn.Linear(NUM_ACTIONS, 10), nn.ReLU())
@@ -51,8 +52,9 @@ class Compact(NavModel):
     def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
         own = (seen.detections * seen.goal[:, :, None]).sum(1)
+        everything = torch.cat([seen.features.flatten(1), seen.detections.flatten(1)], 1)
         x = torch.cat([
-            self.picture(torch.cat([seen.features.flatten(1), seen.detections.flatten(1)], 1)),
+            self.picture(self.dropout(everything)),
             self.target(torch.cat([self.goal(seen.goal), own], 1)),
             self.action(seen.previous_action),
             seen.collision_probability,

@@ -14,7 +14,7 @@ class ModelSize:
     channels: int = 64
     """Of picture and fusion maps, where a network has such."""
     dropout: float = 0.0
-    """On picture and fusion maps; the published networks have 0.25."""
+    """On picture and fusion maps, in compact on all that it sees; the published have 0.25."""
 
 
 PUBLISHED = ModelSize(hidden=512, channels=64, dropout=0.25)

@@ -190,6 +190,16 @@ def test_published_sizes(name):
     assert value.shape == (2, 1)
 
 
+@pytest.mark.parametrize("name", sorted(set(ALL) - {"tdanet"}))
+def test_dropout_is_for_training_alone(name):
+    model = MODELS[name](BUILT_IN, replace(SMALL, dropout=0.5), knowledge(38))
+    seen, state = views(BUILT_IN, 3), model.zero_state(3)
+    first, again = (model.train()(seen, state)[0] for _ in range(2))
+    assert not torch.equal(first, again)
+    first, again = (model.eval()(seen, state)[0] for _ in range(2))
+    assert torch.equal(first, again)
+
+
 def test_compact_checkpoints_of_the_former_baseline_load():
     model = MODELS["compact"](BUILT_IN, ModelSize(), Knowledge())
     assert {k: tuple(v.shape) for k, v in model.state_dict().items()} == {
