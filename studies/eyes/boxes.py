@@ -25,7 +25,7 @@ from cfnav_core.perception.perception import MAPS, OnnxPerception
 from cfnav_core.perception.sight import cells
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.camera import MAST
-from cfnav_core.task.visibility import VISIBLE_PIXELS
+from cfnav_core.task.visibility import least_pixels
 from studies.engine.pages import table
 from studies.eyes.detectors import overlap, paired
 from studies.eyes.rooms import boxes_of, views_of_rooms
@@ -124,7 +124,7 @@ def views_of(rooms: Sequence[str], count: int, network: OnnxPerception) -> list[
     """
     out = []
     for _, picture, names in views_of_rooms(rooms, count, network.gives.camera or MAST):
-        least = VISIBLE_PIXELS * picture.owner.size / (300 * 300)
+        least = least_pixels(network.gives.camera or MAST)
         things = boxes_of(picture.owner, names)
         out.append(View(
             network.maps(picture.rgb), tuple((name, box, n >= least) for name, box, n in things)

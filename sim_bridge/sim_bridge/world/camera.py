@@ -127,8 +127,7 @@ class Camera:
         distance = np.hypot(dx, dy)
         if owner_pixels is None:
             owner_pixels = self._near_pixels(pose, distance <= VISIBLE_DISTANCE_M)
-        area = self._shape[0] * self._shape[1]
-        return visible(owner_pixels, distance, area) & (self._category >= 0)
+        return visible(owner_pixels, distance, self.set_up) & (self._category >= 0)
 
     def visible_categories(
         self, pose: Pose | None = None, owner_pixels: np.ndarray | None = None

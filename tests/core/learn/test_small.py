@@ -1,9 +1,13 @@
 """The smallest pure modules: rooms, visibility, vocabulary, perception's input."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cfnav_core.perception.perception import BUILT_IN
+from cfnav_core.task.camera import MAST
 from cfnav_core.task.rooms import parse_rooms, rooms_in, split_of
 from cfnav_core.task.visibility import visible
 from cfnav_core.task.vocabulary import CATEGORIES, DATA1_TARGETS, DATA2_TARGETS, ROOM_TYPES
@@ -59,8 +63,13 @@ def test_visible_needs_pixels_and_nearness():
     assert not visible(39, 1.0)
     assert not visible(4000, 1.51)
     # a picture with a quarter of the pixels needs a quarter of them
-    assert visible(10, 1.0, 150 * 150)
-    assert not visible(9, 1.0, 150 * 150)
+    coarse = replace(MAST, size=(150, 150))
+    assert visible(10, 1.0, coarse)
+    assert not visible(9, 1.0, coarse)
+    # and one of the same pixels that shows half as much each way needs four times as many
+    narrow = replace(MAST, fov_deg=(2 * math.degrees(math.atan(0.5)),) * 2)
+    assert visible(160, 1.0, narrow)
+    assert not visible(159, 1.0, narrow)
 
 
 def test_vocabulary_holds_both_target_lists():
