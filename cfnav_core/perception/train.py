@@ -70,7 +70,8 @@ class PerceptionOptions:
     threads: int = 2
     """CPU threads."""
     bfloat16: bool = False
-    """Multiply in bfloat16: nearly twice as fast where the CPU has AMX, slower where it has not."""
+    """Multiply in bfloat16: half as fast again or more where the CPU does so (AMX, AVX512-BF16),
+    slower where it does not."""
     photographs: bool = True
     """Begin with first layers that learnt from photographs (perception.trunk); else with random
     ones."""
