@@ -33,7 +33,7 @@ MAPS = "shown"
 
 NETWORKS = {name: Path(__file__).with_name(f"{name}.onnx") for name in ("mast", "stock_wide")}
 """Networks that give boxes, by the camera whose pictures they learnt from; MAST.md and so on beside
-them say how. No shipped policy has learnt with one yet, so the bundles have an older network."""
+them say how. The bundles drive by older ones, of which only turtlebot4's gives boxes."""
 
 METADATA = "cfnav"
 """Key under which an ONNX file says what it perceives, as JSON; see ``describe``."""

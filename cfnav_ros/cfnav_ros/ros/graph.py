@@ -74,10 +74,8 @@ class GraphConfig:
         veto: whether the LiDAR may forbid a MoveAhead.
         domain: ROS domain; None draws a free one.
         bag: where everything is recorded; None records nothing.
-        lock_step: the simulator waits for the policy at every moment, so that an episode repeats
-            itself; no measure of reaction times.
-        camera: the robot's, of ``task.camera.CAMERAS`` or a JSON file; pictures of any drive, also
-            where the bundle learnt from others.
+        lock_step: the simulator waits for the policy, so that an episode repeats itself.
+        camera: the robot's, of ``task.camera.CAMERAS`` or a JSON file; any drives.
         depth: whether the mock also publishes the depth of a stereo camera.
         robot: the name of one that is shipped, or its file; when None the TurtleBot 4 whose camera
             tilts or not, as this one does.
