@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
-from google.protobuf.message import DecodeError
 from onnx import numpy_helper
 from torch import Tensor
 from tqdm import tqdm
@@ -31,6 +30,7 @@ from cfnav_core.files.checkpoint import (
 from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
+from cfnav_core.perception.onnx_session import open_session
 from cfnav_core.perception.picture_set import FIELDS, HEAD, PictureSet
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.trunk import Trunk
@@ -202,12 +202,13 @@ def begin_with(net: PerceptionNet, path: Path) -> None:
 def _exported(path: Path) -> dict[str, Tensor]:
     """The weights of an ONNX file by name."""
     try:
-        graph = onnx.load(path).graph
-    except (OSError, DecodeError) as error:
+        open_session(path)
+    except ValueError as error:
         raise CheckpointError(
             f"found no readable network at {path} ({error}); name another file"
         ) from error
-    return {w.name: torch.from_numpy(numpy_helper.to_array(w).copy()) for w in graph.initializer}
+    weights = onnx.load(path).graph.initializer
+    return {w.name: torch.from_numpy(numpy_helper.to_array(w).copy()) for w in weights}
 
 
 def learning_rate(progress: float, peak: float) -> float:
