@@ -13,10 +13,10 @@ from types import MappingProxyType
 
 from cfnav_core.task.vocabulary import ROOM_TYPES
 
-BUILT_IN, SWEET_HOME, CC0 = "built_in", "sweet_home", "cc0"
-FURNITURE = (BUILT_IN, SWEET_HOME, CC0)
-"""Our own furniture, the models of the Debian package sweethome3d-furniture, and those few of them
-that are in the public domain and come with cfnav."""
+BUILT_IN, SWEET_HOME, CC0, VARIED = "built_in", "sweet_home", "cc0", "varied"
+FURNITURE = (BUILT_IN, SWEET_HOME, CC0, VARIED)
+"""Our own furniture, the models of the Debian package sweethome3d-furniture, those few of them that
+are in the public domain and come with cfnav, and the package's in other paint and proportions."""
 
 KINDS = (*ROOM_TYPES, *(f"{name}.{kind}" for name in FURNITURE[1:] for kind in ROOM_TYPES))
 """Every kind of room that can be made."""

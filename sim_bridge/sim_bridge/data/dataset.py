@@ -32,6 +32,7 @@ from cfnav_core.task.rooms import (
     BUILT_IN,
     CC0,
     SWEET_HOME,
+    VARIED,
     furniture_of,
     parse_rooms,
     room_folder,
@@ -41,7 +42,7 @@ from cfnav_core.task.visibility import MIN_GOAL_STATES
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.data.goals import left_out
 from sim_bridge.room.room import ROOMS_VERSION, Room, check_furniture, generate_room
-from sim_bridge.room.sweet_home import CC0_VERSION, SWEET_HOME_VERSION
+from sim_bridge.room.sweet_home import CC0_VERSION, SWEET_HOME_VERSION, VARIED_VERSION
 from sim_bridge.world.visual_shift import shifted
 
 if TYPE_CHECKING:
@@ -74,9 +75,10 @@ class RoomOptions:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
-    furniture: Literal["built_in", "sweet_home", "both", "cc0"] = "built_in"
+    furniture: Literal["built_in", "sweet_home", "both", "cc0", "varied"] = "built_in"
     """Of rooms that name none: our own, models of the Debian package sweethome3d-furniture, or a
-    room of each of these; cc0: the few of its models that come with cfnav."""
+    room of each of these; cc0: the few of its models that come with cfnav; varied: the package's in
+    other paint and proportions, from which perception learns shapes."""
 
     def run_command(self) -> None:
         """Render."""
@@ -92,6 +94,7 @@ def room_source(kind: str, visual_shift: float = 0.0) -> str:
         BUILT_IN: f"rooms {ROOMS_VERSION}",
         SWEET_HOME: f"{SWEET_HOME} rooms {SWEET_HOME_VERSION}",
         CC0: f"{CC0} rooms {CC0_VERSION}",
+        VARIED: f"{VARIED} rooms {VARIED_VERSION} of {SWEET_HOME} rooms {SWEET_HOME_VERSION}",
     }[furniture_of(kind)]
     return made + (f" shifted by {visual_shift}" if visual_shift else "")
 

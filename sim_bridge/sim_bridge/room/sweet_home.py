@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from cfnav_core.task.rooms import CC0, SWEET_HOME
+from cfnav_core.task.rooms import CC0, SWEET_HOME, VARIED
 from sim_bridge.room import materials as ma
 from sim_bridge.room.built_in import Look
 from sim_bridge.room.kit import Kit
@@ -21,13 +21,15 @@ from sim_bridge.room.recipes.openings import door, lamps, window
 from sim_bridge.room.surroundings import Surroundings
 from sim_bridge.room.textures import TEXTURES
 from sim_bridge.sweet_home.table import Piece, pieces, shipped_pieces
+from sim_bridge.sweet_home.variation import varied
 
-SWEET_HOME_VERSION, CC0_VERSION = 1, 1
+SWEET_HOME_VERSION, CC0_VERSION, VARIED_VERSION = 1, 1, 1
 """Each rises when a seed's room comes out otherwise: with the recipes, the table of models or how
-they are read, and that of CC0 with the models that come with cfnav."""
+they are read, that of CC0 with the models that come with cfnav, and the last one with how they are
+varied."""
 
 PIECES: dict[str, Callable[[], Mapping[str, tuple[Piece, ...]]]] = {
-    SWEET_HOME: pieces, CC0: shipped_pieces,
+    SWEET_HOME: pieces, CC0: shipped_pieces, VARIED: pieces,
 }  # fmt: skip
 """The models of a furniture."""
 
@@ -52,7 +54,10 @@ def make(b: Builder, room_type: str, furniture: str, held_out: bool) -> Look:
     around = Surroundings(b, room_type)
     around.build()
     b.tallest = 2.0
-    kit = Kit(around, PIECES[furniture](), held_out, sparse=furniture == CC0)
+    found = PIECES[furniture]()
+    if furniture == VARIED:
+        found = varied(found, b.rng)
+    kit = Kit(around, found, held_out, sparse=furniture == CC0)
     door(kit)
     for _ in range(int(b.rng.integers(1, 3))):
         window(kit)
