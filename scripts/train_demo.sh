@@ -7,7 +7,7 @@
 # the first one's. Training rooms train both policies, validation rooms end stage one and choose
 # checkpoints, test rooms are looked at once, at the end. The default bundle shipped so far is older:
 # 64 rooms of our own furniture, 850,000 episodes, perception of 200,000 pictures of 498 rooms (this
-# script, before there were two worlds). That of turtlebot4 is a beginning (docs/training.md).
+# script, before there were two worlds). That of turtlebot4 learnt in 256 rooms (docs/training.md).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

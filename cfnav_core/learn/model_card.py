@@ -180,9 +180,20 @@ def _row(name: str, m: dict[str, Any]) -> str:
 
 
 def _rooms(names: list[str]) -> str:
-    """``kitchen:20,21`` and so on."""
-    seeds: dict[str, list[str]] = {}
+    """``kitchen 20, 22-25; bedroom 3`` and so on."""
+    seeds: dict[str, list[int]] = {}
     for name in names:
         kind, seed = name.split(":")
-        seeds.setdefault(kind, []).append(seed)
-    return "; ".join(f"{kind} {', '.join(s)}" for kind, s in seeds.items())
+        seeds.setdefault(kind, []).append(int(seed))
+    return "; ".join(f"{kind} {', '.join(_runs(its))}" for kind, its in seeds.items())
+
+
+def _runs(seeds: list[int]) -> list[str]:
+    """Seeds in order, those that follow each other as first and last."""
+    ends: list[list[int]] = []
+    for seed in sorted(seeds):
+        if ends and seed == ends[-1][1] + 1:
+            ends[-1][1] = seed
+        else:
+            ends.append([seed, seed])
+    return [f"{a}" if a == b else f"{a}-{b}" for a, b in ends]

@@ -31,9 +31,12 @@ FEATURES = 256
 MAPS = "shown"
 """Output of a network that tells where in the picture each object is shown."""
 
-NETWORKS = {name: Path(__file__).with_name(f"{name}.onnx") for name in ("mast", "stock_wide")}
+NETWORKS = {
+    "mast": Path(__file__).with_name("mast.onnx"),
+    "stock_wide": Path(__file__).parents[1] / "bundles/turtlebot4/perception.onnx",
+}
 """Networks that give boxes, by the camera whose pictures they learnt from; MAST.md and so on beside
-them say how. The bundles drive by older ones, of which only turtlebot4's gives boxes."""
+this file say how. The bundles for the mast drive by an older one that gives none."""
 
 METADATA = "cfnav"
 """Key under which an ONNX file says what it perceives, as JSON; see ``describe``."""
