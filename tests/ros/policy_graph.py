@@ -223,13 +223,19 @@ class Robot:
             sent = self._sent(goal, fields)
             self.wait(sent.done, "the goal to be accepted")
         assert sent.result().accepted
-        return sent.result(), sent.result().get_result_async()
+        return sent.result(), self.done(sent.result().get_result_async)
 
     def _sent(self, goal, fields):
-        return self.client.send_goal_async(
+        return self.done(lambda: self.client.send_goal_async(
             NavigateToObject.Goal(goal=goal, **fields),
             feedback_callback=lambda message: self.feedback.append(message.feedback),
-        )
+        ))  # fmt: skip
+
+    def done(self, call):
+        """What a function returns in the thread that takes the answers."""
+        task = self.thread.executor.create_task(call)
+        self.wait(task.done, "the robot's thread")
+        return task.result()
 
     def result(self, future):
         self.wait(future.done, "the result")

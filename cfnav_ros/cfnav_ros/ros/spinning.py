@@ -15,6 +15,10 @@ class SpinningThread(threading.Thread):
 
     rclpy's ``Executor.shutdown`` takes away what a thread that spins is about to use, so it comes
     after the thread's last turn.
+
+    Attributes:
+        executor: serves; what must not meet a callback goes in as its task. rclpy's action client
+            raises when an answer is taken while another thread still notes that it was asked for.
     """
 
     def __init__(self, node: Node, failed: Callable[[Exception], None] | None = None) -> None:
@@ -27,14 +31,14 @@ class SpinningThread(threading.Thread):
         super().__init__(name=node.get_name())
         self._failed = failed
         self._ending = False
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
+        self.executor = SingleThreadedExecutor(context=node.context)
+        self.executor.add_node(node)
 
     def run(self) -> None:
         """Serve; ``start`` calls it."""
         try:
-            while not self._ending and self._executor.context.ok():
-                self._executor.spin_once()
+            while not self._ending and self.executor.context.ok():
+                self.executor.spin_once()
         except ExternalShutdownException:
             return
         except Exception as error:
@@ -46,10 +50,10 @@ class SpinningThread(threading.Thread):
         """Serve no more; returns when the callback under way has ended."""
         self._ending = True
         # Its turn ends when something was done; to be woken is not enough for a node at rest.
-        self._executor.create_task(lambda: None)
+        self.executor.create_task(lambda: None)
         if self.is_alive():
             self.join()
-        self._executor.shutdown()
+        self.executor.shutdown()
 
 
 def leave(node: Node) -> None:

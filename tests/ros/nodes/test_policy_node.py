@@ -204,8 +204,8 @@ def test_a_flood_of_goals_leaves_one_that_is_served(graph, make_bundle):
     robot, _, _ = graph(make_bundle("MoveAhead"))
     first = robot.send()[1]
     robot.wait_driving()
-    for _ in range(1000):
-        robot.client.send_goal_async(NavigateToObject.Goal(goal="Mug"))
+    goal = NavigateToObject.Goal(goal="Mug")
+    robot.done(lambda: [robot.client.send_goal_async(goal) for _ in range(1000)])
     last = robot.send("Laptop", max_steps=1)[1]
     _, result = robot.result(first)
     assert result.outcome == "preempted", result.message
