@@ -10,7 +10,7 @@ bands of height (``bands``). Parts of the building, and what is glass, stay as t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import cv2
@@ -38,20 +38,23 @@ class Variation:
 
     Attributes:
         stretch: of its width and of its depth.
-        seed: of its paint; None where it keeps what it has.
+        seed: of this look, no other's.
+        dyed: whether its paint changes.
     """
 
     stretch: tuple[float, float]
-    seed: int | None
+    seed: int
+    dyed: bool
 
     def applied(self, model: Model) -> Model:
-        """The model so; its id says by which seed, as one of another paint has other meshes."""
+        """The model so; its id says by which seed, as one of another look has other meshes."""
         rng = np.random.default_rng(self.seed)
         share = float(rng.uniform(0.3, 1.0))
         x, y = self.stretch
         meshes = tuple(
-            mesh if self.seed is None or mesh.transparent or rng.random() > share
-            else _dyed(mesh, rng)
+            _dyed(mesh, rng)
+            if self.dyed and not mesh.transparent and rng.random() < share
+            else mesh
             for mesh in model.meshes
         )  # fmt: skip
         width, depth, height = model.size
@@ -112,15 +115,14 @@ def varied(
 def _drawn(piece: Piece, rng: np.random.Generator) -> Variation:
     x, y = np.exp(np.clip(STRETCH * rng.standard_normal(2), -MOST_STRETCH, MOST_STRETCH))
     seed = int(rng.integers(2**32))
-    keeps = rng.random() < AS_IT_IS or piece.role in GROWN
-    return Variation((float(x), float(y)), None if keeps else seed)
+    dyed = rng.random() >= AS_IT_IS and piece.role not in GROWN
+    return Variation((float(x), float(y)), seed, dyed)
 
 
 def _with(piece: Piece, look: Variation) -> VariedPiece:
     width, depth, height = piece.entry.size
     size = (width * look.stretch[0], depth * look.stretch[1], height)
-    same = {field.name: getattr(piece, field.name) for field in fields(Piece)}
-    same["entry"] = replace(piece.entry, size=size)
+    same = vars(replace(piece, entry=replace(piece.entry, size=size)))
     return VariedPiece(**same, original=piece, variation=look)
 
 
