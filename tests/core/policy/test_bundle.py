@@ -98,8 +98,10 @@ def test_model_card_says_what_was_and_was_not_measured(made):
     assert "**+0.250** [+0.100, +0.400]" in card
     head = BundleHead.load(made / "again")
     in_step = {**head.metrics, "live": {**live, "speed": 0.0, "lock_step": True}}
-    card = model_card(replace(head, metrics=in_step))
+    rooms = ["bedroom:3", "kitchen:20", "kitchen:24", "kitchen:22", "kitchen:23"]
+    card = model_card(replace(head, metrics={**in_step, "scenes": rooms}))
     assert "its veto off, in lock-step, at commit abc;" in card
+    assert "Test rooms bedroom 3; kitchen 20, 22-24, 60 frozen episodes" in card
 
 
 def test_a_card_gives_the_models_title(made):
