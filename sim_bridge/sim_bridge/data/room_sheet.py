@@ -7,6 +7,7 @@ places that show much. Files are named ``page_001.png`` and so on.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -84,9 +85,8 @@ def draw(room: Room, views: int, camera: CameraSetUp, side: int) -> Iterator[np.
     first = np.full((side, width, 3), 255, np.uint8)
     columns = min(side, width)
     first[:, :columns] = above[:, (side - columns) // 2 : (side - columns) // 2 + columns]
-    goals = ", ".join(room.goals)
-    lines = [goals[i : i + width // 6] for i in range(0, len(goals), width // 6)]
-    yield labelled(first, f"{room.name}  {room.width:.1f} x {room.depth:.1f} m", *lines)
+    goals = textwrap.wrap(", ".join(room.goals), width // 6)
+    yield labelled(first, f"{room.name}  {room.width:.1f} x {room.depth:.1f} m", *goals)
     world = World(room, camera.on_mast)
     with Camera(world, camera) as look:
         for pose in good_poses(world, look, views):
