@@ -1,18 +1,19 @@
 #!/usr/bin/env bash
 # Remakes the bundles from nothing: default (camera on a mast) and turtlebot4 (as sold, wide), each
-# ours, beside plain from the same stage one. Takes days, and 33 and 41 GB for perception's pictures;
+# ours, beside plain from the same stage one. Takes days, and 37 and 47 GB for perception's pictures;
 # goes on where it stopped when run again.
 #   OUT=out/train CAMERAS="mast stock_wide" scripts/train_demo.sh
-# Perception learns from rooms of its own, while they are rendered; the second camera's begins with
-# the first one's. Training rooms train both policies, validation rooms end stage one and choose
-# checkpoints, test rooms are looked at once, at the end. The default bundle shipped so far is older:
-# 64 rooms of our own furniture, 850,000 episodes, perception of 200,000 pictures of 498 rooms (this
-# script, before there were two worlds). That of turtlebot4 learnt in 256 rooms (docs/training.md).
+# Perception learns from 200 pictures of each of its own rooms, while they are rendered; the second
+# camera's begins with the first one's. Training rooms train both policies, validation rooms end
+# stage one and choose checkpoints, test rooms are looked at once, at the end. The default bundle
+# shipped so far is older: 64 rooms of our own furniture, 850,000 episodes, perception of 200,000
+# pictures of 498 rooms (this script, before there were two worlds). That of turtlebot4 learnt in
+# 256 rooms (docs/training.md).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 seed=${SEED:-0}
-views=${VIEWS:-1000-1249}                      # seeds of each type and furniture, 200 pictures each
+views=${VIEWS:-1000-1166}                      # seeds of each type and furniture, varied too
 pictures=${PICTURES:-2000000}
 training=${TRAINING:-worlds:train sweet_home.worlds:train}
 validation=${VALIDATION:-worlds:validation sweet_home.worlds:validation}
@@ -27,16 +28,16 @@ once() { # once NAME COMMAND...: not again when it is done
   "${@:2}"
   mkdir -p "$out/done" && touch "$out/done/$1"
 }
-every_kind() { # every_kind FIRST-LAST: rooms of each type and furniture, seed by seed
+every_kind() { # every_kind FIRST-LAST [MORE]: rooms of each type and furniture, seed by seed
   for number in $(seq "${1%-*}" "${1#*-}"); do
     for type in kitchen living_room bedroom bathroom; do
-      echo "$type:$number" "sweet_home.$type:$number"
+      for furniture in "" sweet_home. "${@:2}"; do echo "$furniture$type:$number"; done
     done
   done
 }
 
 see() { # the pictures, and beside them the network that learns from those that are there
-  cfnav rooms make $(each --rooms $(every_kind "$views")) --views 200 --camera "$camera" \
+  cfnav rooms make $(each --rooms $(every_kind "$views" varied.)) --views 200 --camera "$camera" \
     --out "$out/views" &
   cfnav perception --data "$out/views" --out "$perception" --pictures "$pictures" --seed "$seed" \
     --wait-for "${WAIT_FOR:-160}" ${begin:+--begin "$begin"}
