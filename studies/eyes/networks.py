@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from cfnav_core.detect.detector import OnnxDetector
 from cfnav_core.files.provenance import sha256
 from cfnav_core.perception.boxes import LEAST, Detection
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.detections import confidence_column
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.detectors import CATEGORY_OF, Detector
+from studies.eyes.detectors import CATEGORY_OF, category_scores, load_detector
 
 Scores = Callable[[np.ndarray], np.ndarray]
 """From uint8 [H, W, 3] to how surely each category is shown, float [C], NaN where unknown."""
@@ -47,7 +49,7 @@ def perception_boxes(network: OnnxPerception) -> Boxes:
     return boxes
 
 
-def detector_boxes(detector: Detector) -> Boxes:
+def detector_boxes(detector: OnnxDetector) -> Boxes:
     """What a COCO detector finds where, of what cfnav knows too."""
     return lambda rgb: [
         replace(one, name=CATEGORY_OF[one.name])
@@ -116,9 +118,9 @@ def networks(perceptions: Sequence[Path], detectors: Sequence[Path]) -> tuple[li
             "in a run of its own"
         )
     for path in detectors:
-        detector = Detector(path)
-        boxes = detector_boxes(detector)
-        found.append(Network(detector.name, sha256(path), detector.scores, boxes))
+        detector = load_detector(path)
+        scores, boxes = partial(category_scores, detector), detector_boxes(detector)
+        found.append(Network(path.stem, sha256(path), scores, boxes))
     names = [network.name for network in found]
     if len({*names}) < len(names):
         raise ValueError(f"found networks named {', '.join(names)}, expected names of their own")

@@ -19,12 +19,13 @@ from typing import Literal
 import numpy as np
 
 from cfnav_core.command import command_line, run_options
+from cfnav_core.detect.detector import OnnxDetector
 from cfnav_core.files.json_file import write_json
 from cfnav_core.files.provenance import commit, sha256
 from cfnav_core.perception.boxes import Box, Detection
 from cfnav_core.perception.pictures import read_rgb
 from cfnav_core.task.intervals import interval_of_share
-from studies.eyes.detectors import CATEGORY_OF, Detector, overlap, paired
+from studies.eyes.detectors import CATEGORY_OF, load_detector, overlap, paired
 from studies.eyes.fetch import CACHE, picture_path
 from studies.eyes.pictures import TABLE, crop, load_pictures
 from studies.eyes.rooms import boxes_of, views_of_rooms
@@ -167,7 +168,7 @@ class Counts:
         return float(values.mean()), interval_of_share(values, of)
 
 
-def count(views: Iterable[View], detector: Detector) -> Counts:
+def count(views: Iterable[View], detector: OnnxDetector) -> Counts:
     """What a detector finds.
 
     Raises:
@@ -193,7 +194,7 @@ def main(options: RealismOptions) -> None:
     Raises:
         ValueError: rooms, pictures or the detector cannot be used, or nothing is to be found.
     """
-    detector = Detector(options.detector)
+    detector = load_detector(options.detector)
     real = options.furniture == "real"
     views = views_of_pictures(options.cache) if real else rendered(options)
     counts = count(views, detector)
@@ -202,7 +203,7 @@ def main(options: RealismOptions) -> None:
     even = [n / of for n, of in by_class.values() if of >= ENOUGH]
     found, things = counts.found.total(), counts.there.total()
     print(
-        f"{options.furniture}: {detector.name} finds {found} of {things} things in "
+        f"{options.furniture}: {options.detector.stem} finds {found} of {things} things in "
         f"{counts.pictures} pictures, {recall:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]; mean over the "
         f"{len(even)} classes of {ENOUGH} things or more {np.mean(even or [np.nan]):.2f}"
     )

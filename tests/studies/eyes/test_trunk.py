@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from cfnav_core.detect.heads import HEADS
 from cfnav_core.files.checkpoint import CheckpointError
 from cfnav_core.perception.trunk import DEVIATION, MEAN, Trunk
-from studies.eyes.detectors import BGR_DEVIATION, BGR_MEAN
 from studies.eyes.tfjs import weights
 from studies.eyes.trunk import trunk_weights
+
+NANODET = HEADS["nanodet"].given
 
 
 def graph(**changed: np.ndarray) -> dict[str, np.ndarray]:
@@ -52,7 +54,7 @@ def test_a_picture_goes_through_as_through_nanodet():
             x = np.concatenate([layer(narrow), narrow], 2)
         return np.concatenate([layer(x), first], 2)
 
-    x = layer((rgb[..., ::-1] - BGR_MEAN) / BGR_DEVIATION, 2)
+    x = layer(NANODET.values(rgb), 2)
     padded = np.pad(x, ((1, 1), (1, 1), (0, 0)), constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), (0, 1))
     fine = stage(stage(windows[::2, ::2].max((3, 4)), 1, 1), 2, 2)
@@ -65,8 +67,8 @@ def test_a_picture_goes_through_as_through_nanodet():
 
 
 def test_colours_are_in_the_order_of_our_pictures():
-    assert tuple(BGR_MEAN[::-1]) == MEAN
-    assert tuple(BGR_DEVIATION[::-1]) == DEVIATION
+    assert tuple(NANODET.mean[::-1]) == MEAN
+    assert tuple(NANODET.deviation[::-1]) == DEVIATION
 
 
 def test_another_network_is_refused():
