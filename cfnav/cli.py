@@ -85,6 +85,7 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "node policy": Entry("cfnav_ros.ros.policy_node:main", "decides and moves the base"),
         "node lidar": Entry("cfnav_ros.ros.lidar_collision_node:main", "judges scans"),
         "node recorder": Entry("cfnav_ros.ros.recorder_node:main", "records a drive"),
+        "node detector": Entry("cfnav_ros.ros.detector_node:main", "finds things in pictures"),
         "node markers": Entry("cfnav_ros.ros.markers_node:main", "shows decisions in RViz"),
         "node mock": Entry("sim_bridge.ros.mock_turtlebot4:main", "is the simulated TurtleBot 4"),
     },

@@ -5,8 +5,8 @@ from setuptools import find_packages, setup
 PACKAGE = "cfnav_ros"
 EXECUTABLES = {
     "policy_node": "ros", "lidar_collision_node": "ros", "recorder_node": "ros",
-    "markers_node": "ros", "bag_play": "ros", "bringup": "live", "demo": "live",
-    "bag_eval": "report", "lidar_mask": "bags",
+    "markers_node": "ros", "detector_node": "ros", "bag_play": "ros", "bringup": "live",
+    "demo": "live", "bag_eval": "report", "lidar_mask": "bags",
 }  # fmt: skip
 """Name of each executable to the folder of its module."""
 

@@ -19,7 +19,9 @@ from tests.conftest import ROOT
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("package", ["cfnav_interfaces", "irobot_create_msgs", "tf2_msgs"])
+@pytest.mark.parametrize(
+    "package", ["cfnav_interfaces", "irobot_create_msgs", "tf2_msgs", "vision_msgs"]
+)
 def test_the_interfaces_are_built(package):
     module = pytest.importorskip(f"{package}.msg", reason="ros_ws is not built: run 'make setup'")
     assert [name for name in dir(module) if name[0].isupper()]
@@ -48,6 +50,7 @@ EXECUTABLES = [
     ("cfnav_ros", "bringup"),
     ("cfnav_ros", "lidar_mask"),
     ("cfnav_ros", "markers_node"),
+    ("cfnav_ros", "detector_node"),
     ("cfnav_ros", "bag_eval"),
     ("cfnav_ros", "demo"),
     ("sim_bridge", "mock_turtlebot4"),
@@ -79,7 +82,7 @@ def test_a_clone_in_a_workspace_hides_no_package_of_ros(tmp_path):
     assert listed(tmp_path) == {"cfnav_bringup", "cfnav_interfaces"}
     ours = tmp_path / "src/cfnav/ros_ws"
     named = sorted(f"fallback/{path.parent.name}" for path in ours.glob("fallback/*/package.xml"))
-    assert listed(ours, "--base-paths", *named) == {"irobot_create_msgs", "tf2_msgs"}
+    assert listed(ours, "--base-paths", *named) == {"irobot_create_msgs", "tf2_msgs", "vision_msgs"}
 
 
 PARTICIPANT = """#!{python}

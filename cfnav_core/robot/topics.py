@@ -72,6 +72,8 @@ def unstamped(cmd_vel: str) -> str:
 ROBOT_TOPICS: dict[str, Topic] = {
     "image": Topic("oakd/rgb/preview/image_raw", RAW),
     "camera_info": Topic("oakd/rgb/preview/camera_info", "sensor_msgs/msg/CameraInfo"),
+    # of the camera's own detector, or of detector_node
+    "detections": Topic("detections", "vision_msgs/msg/Detection2DArray", 5),
     # 4 MB/s and more, and nothing judges it again: not recorded
     "depth": Topic("oakd/stereo/image_raw", "sensor_msgs/msg/Image", recorded=False),
     "depth_info": Topic("oakd/stereo/camera_info", "sensor_msgs/msg/CameraInfo", recorded=False),

@@ -19,7 +19,17 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Bool, Header
+from vision_msgs.msg import (
+    BoundingBox2D,
+    Detection2D,
+    Detection2DArray,
+    ObjectHypothesis,
+    ObjectHypothesisWithPose,
+    Point2D,
+    Pose2D,
+)
 
+from cfnav_core.perception.boxes import Detection
 from cfnav_ros.drive.diagnostics import Report
 from cfnav_ros.drive.episode import Episode
 from cfnav_ros.drive.fields import stamp_to_ns
@@ -66,6 +76,24 @@ def frame_from_message(message: Image | CompressedImage) -> CameraFrame:
     except ValueError as error:
         fault = str(error)
     return CameraFrame(stamp, decode, *size, data, fault)
+
+
+def detections_to_message(found: Iterable[Detection], header: Header) -> Detection2DArray:
+    """What a detector found in the picture with this header."""
+    return Detection2DArray(header=header, detections=[_detection(one, header) for one in found])
+
+
+def _detection(one: Detection, header: Header) -> Detection2D:
+    hypothesis = ObjectHypothesis(class_id=one.name, score=one.score)
+    left, top, right, bottom = one.box
+    middle = Point2D(x=(left + right) / 2, y=(top + bottom) / 2)
+    return Detection2D(
+        header=header,
+        results=[ObjectHypothesisWithPose(hypothesis=hypothesis)],
+        bbox=BoundingBox2D(
+            center=Pose2D(position=middle), size_x=right - left, size_y=bottom - top
+        ),
+    )
 
 
 def estimate_to_message(

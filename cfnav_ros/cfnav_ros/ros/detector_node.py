@@ -1,0 +1,106 @@
+"""Pictures -> Detection2DArray: any detector in an ONNX file, where the camera brings none.
+
+Run it with ``cfnav node detector``; its parameters are those of ``DetectorParameters``. A class is
+told by its name and a box in pixels of the picture; a message bears the stamp and the frame of the
+picture that it is about. A picture without anything gets an empty message, one that cannot be read
+none.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import CompressedImage, Image
+
+from cfnav_core.detect.detector import LEAST, OnnxDetector
+from cfnav_core.robot.robot import robot_setting
+from cfnav_core.robot.settings import setting
+from cfnav_core.robot.topics import TOPICS
+from cfnav_ros.drive.diagnostics import Level, Rate, Report, Stopwatch
+from cfnav_ros.ros import conversions
+from cfnav_ros.ros.node_process import run_node
+from cfnav_ros.ros.parameters import declare, named_robot
+from cfnav_ros.ros.topics import message_type, publisher
+
+NAME = "detector_node"
+
+
+@dataclass(frozen=True)
+class DetectorParameters:
+    """Parameters of ``detector_node``."""
+
+    robot: str = robot_setting()
+    model: str = setting("", "the ONNX file of a detector")
+    labels: str = setting("", "what it learnt: coco, coco_ids, voc, objects365 or a file; "
+                          "empty: as its file says")  # fmt: skip
+    head: str = setting("", "how its outputs are read (cfnav_core.detect.heads); empty: by itself")
+    side: int = setting(0, "of its input where its file leaves that open, pixels", 0, 4096)
+    least: float = setting(LEAST, "score of what is told", 0.0, 1.0)
+    threads: int = setting(1, "of ONNX Runtime", 1, 64)
+
+
+class DetectorNode(Node):
+    """Asks the detector about the newest picture as soon as the one before is answered."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        robot = named_robot(self)
+        given = declare(self, DetectorParameters(robot.name))
+        if not given.model:
+            raise ValueError("model is empty, expected the ONNX file of a detector.")
+        detector = OnnxDetector(
+            Path(given.model), given.labels, given.head, given.side, given.threads
+        )
+        self._times, self._rate, self._fault = Stopwatch(), Rate(), "No picture has arrived."
+        self._found = self._times.timed(lambda rgb: detector(rgb, given.least))
+        self._publisher = publisher(self, robot.topics.get("detections", TOPICS["detections"]))
+        self._diagnostics = publisher(self, TOPICS["diagnostics"])
+        picture = robot.topics["image"]
+        newest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
+        self.create_subscription(message_type(picture.type), picture.name, self._on_picture, newest)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, self._on_second, clock=steady)
+        width, height = detector.size[::-1]
+        self.get_logger().info(
+            f"{Path(given.model).name} ({detector.head}, {width}x{height}, "
+            f"{len(detector.labels.names)} classes) looks at {picture.name}, finds "
+            f"{self._publisher.topic_name}."
+        )
+
+    def _on_picture(self, message: Image | CompressedImage) -> None:
+        self._rate.note(time.monotonic())
+        try:
+            found = self._found(conversions.frame_from_message(message).decode())
+        except ValueError as error:
+            self._fault = str(error)
+            self.get_logger().warning(self._fault, throttle_duration_sec=2.0)
+            return
+        self._fault = ""
+        self._publisher.publish(conversions.detections_to_message(found, message.header))
+
+    def _on_second(self) -> None:
+        hz, (p50, p99) = self._rate.hz(time.monotonic()), self._times.percentiles_ms()
+        report = Report(
+            "detector",
+            Level.WARN if self._fault else Level.OK,
+            self._fault or "The detector sees.",
+            {"pictures_hz": f"{hz:.1f}", "p50_ms": f"{p50:.1f}", "p99_ms": f"{p99:.1f}"},
+        )
+        now = self.get_clock().now().to_msg()
+        name = self.get_fully_qualified_name()
+        self._diagnostics.publish(conversions.diagnostics([report], name, now))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; the exit code is that of ``run_node``."""
+    return run_node(NAME, DetectorNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""The detector node as a process: pictures in, the standard message out, a bad picture told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.ros
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("vision_msgs.msg", reason="ros_ws is not built: run 'make setup'")
+
+from builtin_interfaces.msg import Time  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
+from vision_msgs.msg import Detection2DArray  # noqa: E402
+
+from tests.core.detect.made import constant_network  # noqa: E402
+from tests.ros.own_node import OwnNode  # noqa: E402
+
+CHAIR = 56
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    """A YOLO v10 of 64x32 pixels that finds a chair, and a cup that nobody is told of."""
+    rows = np.array([[[10, 5, 30, 25, 0.75, CHAIR], [0, 0, 9, 9, 0.25, 41]]], np.float32)
+    return constant_network(tmp_path / "made.onnx", {"output0": rows})
+
+
+class Camera(OwnNode):
+    """Sends pictures and keeps what is found in them."""
+
+    def __init__(self, domain: int, kind: type, topic: str) -> None:
+        super().__init__(domain, "camera")
+        self.found: list[Detection2DArray] = []
+        self.told: list[DiagnosticArray] = []
+        self.pictures = self.node.create_publisher(kind, topic, 10)
+        self.node.create_subscription(Detection2DArray, "detections", self.found.append, 5)
+        self.node.create_subscription(DiagnosticArray, "diagnostics", self.told.append, 5)
+
+    def show(self, message: Image | CompressedImage) -> Detection2DArray:
+        """What is found in a picture, which is sent until it is heard."""
+        self.found.clear()
+        self.wait(lambda: self.found, "detections", lambda: self.pictures.publish(message))
+        return self.found[-1]
+
+
+def picture(stamp: int, height: int = 160, width: int = 320) -> Image:
+    message = Image(height=height, width=width, encoding="rgb8", step=3 * width)
+    message.header.stamp, message.header.frame_id = Time(sec=stamp), "lens"
+    message.data = bytes(3 * height * width)
+    return message
+
+
+def test_detections_bear_the_pictures_stamp(
+    start_process: Callable, ros_domain_id: int, model: Path
+) -> None:
+    process = start_process(
+        "cfnav_ros.ros.detector_node", "--ros-args", "-p", f"model:={model}", "-p", "labels:=coco"
+    )
+    camera = Camera(ros_domain_id, Image, "oakd/rgb/preview/image_raw")
+    message = camera.show(picture(7))
+    assert (message.header.stamp.sec, message.header.frame_id) == (7, "lens")
+    (chair,) = message.detections
+    assert chair.header == message.header
+    (result,) = chair.results
+    assert result.hypothesis.class_id == "chair"
+    assert result.hypothesis.score == pytest.approx(0.75)
+    box = chair.bbox
+    assert (box.center.position.x, box.center.position.y) == pytest.approx((100, 75))
+    assert (box.size_x, box.size_y, box.center.theta) == pytest.approx((100, 100, 0))
+
+    broken = picture(8)
+    broken.encoding = "16UC1"
+    camera.wait(
+        lambda: any("16UC1" in s.message for told in camera.told for s in told.status),
+        "a sentence about the picture",
+        lambda: camera.pictures.publish(broken),
+    )
+    assert camera.show(picture(9)).header.stamp.sec == 9
+    camera.close()
+    assert process.interrupt() == 0
+
+
+def test_pictures_may_be_compressed_and_show_nothing(
+    start_process: Callable, ros_domain_id: int, model: Path
+) -> None:
+    process = start_process(
+        "cfnav_ros.ros.detector_node", "--ros-args", "-p", f"model:={model}", "-p", "labels:=coco",
+        "-p", "robot:=turtlebot4", "-p", "least:=0.9",
+    )  # fmt: skip
+    camera = Camera(ros_domain_id, CompressedImage, "oakd/rgb/image_raw/compressed")
+    _, jpeg = cv2.imencode(".jpg", np.zeros((180, 320, 3), np.uint8))
+    message = CompressedImage(format="jpeg", data=jpeg.tobytes())
+    message.header.stamp = Time(sec=3)
+    found = camera.show(message)
+    assert found.header.stamp.sec == 3
+    assert len(found.detections) == 0
+    camera.close()
+    assert process.interrupt() == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ((), "model is empty, expected the ONNX file of a detector."),
+        (("model:=/none.onnx", "labels:=coco"), "found no usable detector at /none.onnx"),
+        (("model:=MODEL",), "say which labels it learnt"),
+        (("model:=MODEL", "labels:=cocoa"), "found no labels 'cocoa'"),
+    ],
+)
+def test_what_cannot_be_used_ends_it_with_a_sentence(
+    start_process: Callable, model: Path, parameters: tuple[str, ...], sentence: str
+) -> None:
+    words = [w for p in parameters for w in ("-p", p.replace("MODEL", str(model)))]
+    process = start_process("cfnav_ros.ros.detector_node", "--ros-args", *words)
+    assert process.wait() == 2
+    assert sentence in process.output
