@@ -55,7 +55,7 @@ DECIDE_S = 0.2
 
 CLOCK = TOPICS["clock"].name
 
-PACKAGES = ("cfnav_interfaces", "irobot_create_msgs")
+PACKAGES = ("cfnav_interfaces", "irobot_create_msgs", "vision_msgs")
 """Packages whose definitions the bag library does not know by itself."""
 
 
