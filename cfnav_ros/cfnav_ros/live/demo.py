@@ -55,7 +55,7 @@ class DemoConfig:
     seed: int = 1
     """Draws start poses, and goals when none are given."""
     speed: float = 2.0
-    """Simulated seconds per second; 0 is as fast as the machine can."""
+    """Simulated seconds per second; 0 is as fast as the machine can, and nothing comes late."""
     out: Path = Path("out/demo")
     """Folder of the results."""
     bundle: Path | None = None
@@ -202,6 +202,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             room=(parse_list(config.room) or parse_list(ROOMS))[0],
             logs=folder.partial / "logs",
             speed=config.speed,
+            lock_step=config.speed == 0,
             bundle=config.bundle,
             veto=config.veto,
             domain=config.domain,
