@@ -89,7 +89,7 @@ class OnnxDetector:
     def __call__(self, rgb: np.ndarray, least: float = LEAST) -> list[Detection]:
         """What a picture shows, best first, by the names of the labels.
 
-        Boxes without area, and boxes and scores that are no numbers, are left out.
+        Boxes without area in the picture, and boxes and scores that are no numbers, are left out.
 
         Args:
             rgb: uint8 [H, W, 3].
@@ -99,12 +99,13 @@ class OnnxDetector:
             ValueError: it says a class that the labels lack.
         """
         boxes, scores = self.found(rgb)
-        whole = np.isfinite(boxes).all(1) & (boxes[:, 2:] > boxes[:, :2]).all(1)
+        finite, boxes = np.isfinite(boxes).all(1), boxes.clip(0, 1)
+        whole = finite & (boxes[:, 2:] > boxes[:, :2]).all(1)
         at, classes = np.nonzero(whole[:, None] & (scores >= least) & (scores <= 1 + ROUNDED))
         sure = scores[at, classes].clip(0, 1)
         best = np.argsort(-sure, kind="stable")[:MOST]
         at, classes, sure = at[best], classes[best], sure[best]
-        ends = boxes[at].clip(0, 1) * np.tile(rgb.shape[1::-1], 2)
+        ends = boxes[at] * np.tile(rgb.shape[1::-1], 2)
         if HEADS[self.head].overlaps and len(at):
             corner = np.concatenate([ends[:, :2], ends[:, 2:] - ends[:, :2]], 1)
             kept = cv2.dnn.NMSBoxesBatched(

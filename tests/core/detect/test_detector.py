@@ -141,6 +141,14 @@ def test_boxes_lie_in_the_picture_whatever_surrounds_it(tmp_path, picture):
     assert chair.box == pytest.approx(np.clip(ends, 0, [wide, high, wide, high]))
 
 
+def test_what_lies_beside_the_picture_is_left_out(tmp_path):
+    """A square stands in the middle of 64x32: the chair at the left is in the border."""
+    rows = np.array([[[1, 5, 12, 25, 0.8, CHAIR], [20, 5, 30, 25, 0.7, CHAIR]]], np.float32)
+    path = constant_network(tmp_path / "made.onnx", {"out": rows})
+    (chair,) = OnnxDetector(path, "coco", "yolov10")(np.zeros((160, 160, 3), np.uint8))
+    assert chair.box == pytest.approx((20, 25, 70, 125))
+
+
 def test_the_weaker_of_two_boxes_of_a_class_is_dropped(tmp_path):
     outputs = yolov8()
     rows = outputs["output0"].transpose(0, 2, 1)
