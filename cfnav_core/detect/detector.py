@@ -74,17 +74,22 @@ class OnnxDetector:
         said = self._session.get_modelmeta().custom_metadata_map
         self.labels = load_labels(labels) if labels else _own_labels(path, said)
         outputs = {o.name: tuple(o.shape) for o in self._session.get_outputs()}
-        self.head, self._outputs = recognise(outputs, self.labels.count, said)
-        if head:
-            self.head = head
-        elif self.head not in HEADS:
+        told, names = recognise(outputs, self.labels.count, said)
+        self.head, self._outputs = head or told, names if head in ("", told) else []
+        if self.head not in HEADS:
             raise ValueError(
-                f"found outputs {outputs} in {path}, which could be {self.head or 'anything'}; say "
+                f"found outputs {outputs} in {path}, which could be {told or 'anything'}; say "
                 f"which head it has, one of {', '.join(HEADS)}, and the labels that it learnt"
             )
         self._given, *others = self._session.get_inputs()
         self._asks_size = next((other.name for other in others), "")
         self._planes, self.size = _layout(path, tuple(self._given.shape), side)
+        try:
+            self.found(np.zeros((*self.size, 3), np.uint8))
+        except (IndexError, ValueError) as error:
+            raise ValueError(
+                f"found outputs {outputs} in {path}, which cannot be read as {self.head} ({error})"
+            ) from error
 
     def __call__(self, rgb: np.ndarray, least: float = LEAST) -> list[Detection]:
         """What a picture shows, best first, by the names of the labels.

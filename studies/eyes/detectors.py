@@ -27,8 +27,10 @@ def load_detector(path: Path) -> OnnxDetector:
     Raises:
         ValueError: missing, damaged, or no detector that is known here.
     """
-    detector = OnnxDetector(path, "coco", side=300)
-    return OnnxDetector(path, "coco_ids", side=300) if detector.head == "raw_ssd" else detector
+    try:
+        return OnnxDetector(path, "coco", side=300)
+    except ValueError:  # TensorFlow's have COCO's own numbers; other faults are told again
+        return OnnxDetector(path, "coco_ids", side=300)
 
 
 def category_scores(detector: OnnxDetector, rgb: np.ndarray) -> np.ndarray:

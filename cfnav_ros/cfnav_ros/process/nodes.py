@@ -38,9 +38,6 @@ NODES: dict[str, NodeKind] = {
         ),
     ),
     "lidar_collision_node": NodeKind("cfnav_ros", SHARED, "it comes back"),
-    "detector_node": NodeKind(
-        "cfnav_ros", (*SHARED, "model", "labels", "head", "side", "least"), "it comes back"
-    ),
     "policy_node": NodeKind(
         "cfnav_ros",
         (

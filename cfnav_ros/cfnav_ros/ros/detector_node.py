@@ -51,7 +51,7 @@ class DetectorNode(Node):
     def __init__(self) -> None:
         super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         robot = named_robot(self)
-        given = declare(self, DetectorParameters(robot.name))
+        given = declare(self, DetectorParameters())
         if not given.model:
             raise ValueError("model is empty, expected the ONNX file of a detector.")
         detector = OnnxDetector(
@@ -69,7 +69,7 @@ class DetectorNode(Node):
         width, height = detector.size[::-1]
         self.get_logger().info(
             f"{Path(given.model).name} ({detector.head}, {width}x{height}, "
-            f"{len(detector.labels.names)} classes) looks at {picture.name}, finds "
+            f"{len(detector.labels.names)} classes): {picture.name} -> "
             f"{self._publisher.topic_name}."
         )
 

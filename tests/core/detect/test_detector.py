@@ -222,6 +222,14 @@ def test_a_detector_in_doubt_is_refused(tmp_path, outputs, more, found):
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize("head", ["ssd", "rtdetr", "yolov10", "nanodet"])
+def test_outputs_that_a_named_head_cannot_read_are_told_at_once(tmp_path, head):
+    path = constant_network(tmp_path / "made.onnx", {"x": np.zeros((1, 7, 3), np.float32)})
+    with pytest.raises(ValueError, match=f"cannot be read as {head}") as told:
+        OnnxDetector(path, "coco", head)
+    assert "\n" not in str(told.value)
+
+
 def test_no_detector(tmp_path):
     path = tmp_path / "none.onnx"
     with pytest.raises(ValueError, match="found no usable detector"):
