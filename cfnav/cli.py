@@ -24,6 +24,9 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
             "sim_bridge.data.dataset:RoomOptions", "render rooms, to train or test in"
         ),
         "rooms scan": Entry("sim_bridge.data.scans:ScanOptions", "scan rooms with the LiDAR"),
+        "rooms boxes": Entry(
+            "sim_bridge.data.boxes:BoxOptions", "give scenes a detector's boxes to learn from"
+        ),
         "rooms overhangs": Entry(
             "sim_bridge.data.overhangs:OverhangOptions", "count collisions that no LiDAR foresees"
         ),

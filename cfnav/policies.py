@@ -75,10 +75,11 @@ class Export:
 
     checkpoint: Annotated[Path, tyro.conf.Positional]
     """best.safetensors of a run."""
-    perception: Path
-    """perception.onnx the scenes of the run were made with."""
     out: Path
     """Folder of the bundle."""
+    perception: Path | None = None
+    """perception.onnx the scenes of the run were made with; none for one that reads sightings
+    (cfnav rooms boxes)."""
     name: str = "cfnav"
     """Name of the bundle."""
     metrics: Path | None = None

@@ -15,14 +15,15 @@ from torch import Tensor
 from cfnav_core.agent.agent import TrainedAgent
 from cfnav_core.learn.env import SceneBank, Walk
 from cfnav_core.models.table import MODELS
-from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.policy.bundle import PERCEPTION, BundleHead, find_bundle
 from cfnav_core.policy.networks import Networks, Observation, OnnxNetworks, TorchNetworks, sampled
+from cfnav_core.policy.policy import eyes_of
 from cfnav_core.published.keys import Key, state_of
 from cfnav_core.published.start_states import StartState, identity, read_episodes
 from cfnav_core.scenes.scene import SceneError
 from cfnav_core.scenes.select import lidar_of
 from cfnav_core.task.actions import NUM_ACTIONS
+from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.limits import VETO_PROBABILITY
 from cfnav_core.task.metrics import EpisodeResult, figures, paired
@@ -235,12 +236,14 @@ class Candidate:
         perception: identity of what made the pictures' features that it reads.
         objects: what it reads detections of.
         what: see ``Evaluation``.
+        reads_sightings: whoever made them.
     """
 
     networks: Networks
     perception: str
     objects: tuple[str, ...]
     what: dict[str, Any]
+    reads_sightings: bool
 
     @classmethod
     def load(cls, path: Path) -> Candidate:
@@ -256,12 +259,13 @@ class Candidate:
                 trained.agent.model, trained.agent.predictor, trained.feeds_prediction
             )
             what = {"checkpoint": str(path), **_origin(trained.head)}
-            return cls(networks, trained.head["perception"], trained.inputs.objects, what)
+            inputs, made_by = trained.inputs, trained.head["perception"]
+            return cls(networks, made_by, inputs.objects, what, inputs.fields == SIGHTINGS)
         folder = find_bundle(path)
         head = BundleHead.load(folder)
-        perception = OnnxPerception(head.file(folder, PERCEPTION)).identity
-        what = {"bundle": str(path), **_origin(head.training)}
-        return cls(OnnxNetworks(folder, head), perception, head.objects, what)
+        sightings, what = head.reads_sightings, {"bundle": str(path), **_origin(head.training)}
+        perception = head.training["perception"] if sightings else eyes_of(folder, head).identity
+        return cls(OnnxNetworks(folder, head), perception, head.objects, what, sightings)
 
 
 def _origin(head: dict[str, Any]) -> dict[str, Any]:
@@ -305,7 +309,12 @@ def evaluate(
 
 
 def _check_fits(candidate: Candidate, path: Path, bank: SceneBank, scenes: Path) -> None:
-    if bank.perception != candidate.perception:
+    if candidate.reads_sightings and bank.inputs.fields != SIGHTINGS:
+        raise SceneError(
+            f"found scenes in {scenes} with {', '.join(bank.inputs.fields)}, but {path} reads "
+            "sightings; make them with cfnav rooms boxes"
+        )
+    if not candidate.reads_sightings and bank.perception != candidate.perception:
         remedy = "give scenes of the perception that it was trained with"
         if "bundle" in candidate.what:
             folder = find_bundle(path)

@@ -14,16 +14,18 @@ from torch import Tensor, nn
 
 from cfnav_core.agent.agent import Agent, TrainedAgent
 from cfnav_core.agent.find import find_model
+from cfnav_core.detect.sightings import SightingEyes
 from cfnav_core.files.checkpoint import load_tensors, save_tensors
 from cfnav_core.files.provenance import sha256
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.learn.model_card import model_card
 from cfnav_core.models.base import ModelInput, NavModel, ObservationSpec
-from cfnav_core.perception.perception import OnnxPerception
-from cfnav_core.policy.bundle import NETWORKS, PERCEPTION, WEIGHTS, BundleHead
+from cfnav_core.perception.perception import OnnxPerception, Percept
+from cfnav_core.policy.bundle import PERCEPTION, WEIGHTS, BundleHead
 from cfnav_core.policy.networks import SEEN
 from cfnav_core.policy.policy import check_fits
 from cfnav_core.task.actions import NUM_ACTIONS
+from cfnav_core.task.detections import SIGHTINGS
 
 WEIGHTS_OF = ("model", "predictor", "knowledge")
 """What of a checkpoint a bundle keeps."""
@@ -35,56 +37,67 @@ TRAINING_FIELDS = (
 
 
 def export_bundle(
-    checkpoint: Path, perception: Path, out: Path, name: str,
+    checkpoint: Path, perception: Path | None, out: Path, name: str,
     metrics: dict[str, Any] | None = None, commands: str = "",
 ) -> BundleHead:  # fmt: skip
     """Write a bundle; ``out`` appears only when complete.
 
-    ``metrics`` and where the ``commands`` stand that made it are kept for its card.
+    One that reads sightings has no ``perception``, and every other needs one. ``metrics`` and where
+    the ``commands`` stand that made it are kept for its card.
 
     Raises:
         CheckpointError: the checkpoint is damaged or of another network.
         PerceptionError: the perception network is unusable.
-        ValueError: another perception than it was trained with, or ``out`` is no bundle.
+        ValueError: another perception than it was trained with, none where it needs one, or
+            ``out`` is no bundle.
         WriteError: the disk is full or refuses; what was there before stays whole.
     """
     if out.exists() and not (out / "bundle.json").exists():
         raise ValueError(f"found {out}, which is no bundle; give a new folder or one to replace")
     trained = TrainedAgent.load(checkpoint)
     head, inputs = trained.head, trained.inputs
-    observer = OnnxPerception(perception)
-    _check_perception(observer, trained, checkpoint, perception)
+    gives = _percept(trained, checkpoint, perception)
     with writing(out), whole(out) as partial:
         partial.mkdir(parents=True)
-        shutil.copyfile(perception, partial / PERCEPTION)
+        if perception is not None:
+            shutil.copyfile(perception, partial / PERCEPTION)
         export_networks(trained.agent, inputs, partial)
         _export_weights(checkpoint, partial)
         bundle = BundleHead(
             name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
-            tuple(head["goals"]), {n: sha256(partial / n) for n in (*NETWORKS, WEIGHTS)},
+            tuple(head["goals"]), {f.name: sha256(f) for f in sorted(partial.iterdir())},
             {k: head[k] for k in TRAINING_FIELDS if k in head}
             | ({"commands": commands} if commands else {}),
             metrics or {},
             find_model(head["config"]["model"]).zero_shot, inputs.features, inputs.fields,
-            inputs.room_types, trained.camera or observer.gives.camera,
+            inputs.room_types, trained.camera or gives.camera,
         )  # fmt: skip
-        check_fits(observer, bundle, str(perception))
+        check_fits(gives, bundle, str(perception or checkpoint))
         bundle.save(partial)
         (partial / "MODEL_CARD.md").write_text(model_card(bundle))
     return bundle
 
 
-def _check_perception(
-    observer: OnnxPerception, trained: TrainedAgent, checkpoint: Path, path: Path
-) -> None:
-    """See that a checkpoint is exported with the eyes that it was trained with.
+def _percept(trained: TrainedAgent, checkpoint: Path, path: Path | None) -> Percept:
+    """What a checkpoint's eyes give, which must be those that it was trained with.
 
     Published features bear the name of their data set instead of a network's hash: then the given
     encoder is believed to be theirs, if it gives what the networks read.
 
     Raises:
-        ValueError: another perception than it was trained with.
+        ValueError: another perception than it was trained with, or one too many or too few.
     """
+    inputs = trained.inputs
+    if (inputs.fields == SIGHTINGS) != (path is None):
+        raise ValueError(
+            f"found {path or 'no perception'} for {checkpoint}, which reads "
+            f"{', '.join(inputs.fields)}; give "
+            + ("the perception that its scenes were made with" if path is None else
+               "no --perception: a detector says these on the robot")
+        )  # fmt: skip
+    if path is None:
+        return SightingEyes(inputs.objects, inputs.features).gives
+    observer = OnnxPerception(path)
     expected = trained.head["perception"]
     is_hash = len(expected) == len(observer.identity) and " " not in expected
     if is_hash and observer.identity != expected:
@@ -92,6 +105,7 @@ def _check_perception(
             f"found perception {observer.identity} at {path}, but {checkpoint} was trained with "
             f"{expected}; give that one"
         )
+    return observer.gives
 
 
 class _Flat(nn.Module):

@@ -30,7 +30,7 @@ def model_card(head: BundleHead) -> str:
         f"# Model card: {head.name}",
         "",
         f"An object-goal navigation policy (model `{title}`, method "
-        f"`{head.method}`) for a robot with one RGB camera{_seen_by(head.camera)}. Goals: "
+        f"`{head.method}`) for a robot with {_eyes(head)}. Goals: "
         + ", ".join(head.goals)
         + "."
         + (_LISTENING if t["config"].get("listening") else ""),
@@ -46,8 +46,8 @@ def model_card(head: BundleHead) -> str:
         + (_foresight(t) if head.feeds_prediction else ""),
         "",
         f"Training rooms: {', '.join(t['train_rooms'])}. Validation rooms: "
-        f"{', '.join(t['validation_rooms'])}. Perception `{t['perception']}` saw none of these nor "
-        "any test room." + (f" The commands stand in {t['commands']}." if "commands" in t else ""),
+        f"{', '.join(t['validation_rooms'])}. {_seen(head)}"
+        + (f" The commands stand in {t['commands']}." if "commands" in t else ""),
         "",
         "## What was measured",
         "",
@@ -55,12 +55,34 @@ def model_card(head: BundleHead) -> str:
         "",
         "## What it is not for",
         "",
-        "Trained on rendered rooms only, on the view of the camera above: a lower, narrower or "
-        "fixed one shows another world. A real robot needs the LiDAR collision node and its veto; "
-        "nothing here was measured on hardware.",
+        f"Trained on rendered rooms only, {_world(head)}. A real robot needs the LiDAR collision "
+        "node and its veto; nothing here was measured on hardware.",
         "",
     ]
     return "\n".join(lines)
+
+
+def _eyes(head: BundleHead) -> str:
+    if not head.reads_sightings:
+        return f"one RGB camera{_seen_by(head.camera)}"
+    return (
+        "an object detector on a camera whose field of view is known, and a LiDAR. It reads names, "
+        f"directions and distances of boxes, no picture; it learnt from a camera"
+        f"{_seen_by(head.camera)}"
+    )
+
+
+def _seen(head: BundleHead) -> str:
+    made = head.training["perception"]
+    if head.reads_sightings:
+        return f"Sightings: {made}."
+    return f"Perception `{made}` saw none of these nor any test room."
+
+
+def _world(head: BundleHead) -> str:
+    if head.reads_sightings:
+        return "by true boxes with the errors of detectors: another one errs otherwise"
+    return "on the view of the camera above: a lower, narrower or fixed one shows another world"
 
 
 def _stage1(training: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 
 from cfnav_core.files.provenance import sha256
 from cfnav_core.task.camera import MAST, CameraSetUp
-from cfnav_core.task.detections import SCORES, Fields
+from cfnav_core.task.detections import SCORES, SIGHTINGS, Fields
 from cfnav_core.task.vocabulary import FIRST_ROOM_TYPES
 
 SCHEMA, READABLE = 4, (2, 3, 4)
@@ -139,12 +139,22 @@ class BundleHead:
             raise BundleError(
                 f"found bundle schema {schema} in {folder}, expected {SCHEMA}; {REMEDY}"
             )
-        hashed = (*NETWORKS, WEIGHTS) if schema >= SCHEMA or WEIGHTS in head.files else NETWORKS
-        for name in hashed:
+        has_weights = schema >= SCHEMA or WEIGHTS in head.files
+        for name in (*head.networks, *[WEIGHTS] * has_weights):
             _check_hash(head.file(folder, name), head.files.get(name))
-        for name in NETWORKS:
-            _check_references(head.file(folder, name), WEIGHTS in hashed)
+        for name in head.networks:
+            _check_references(head.file(folder, name), has_weights)
         return head
+
+    @property
+    def reads_sightings(self) -> bool:
+        """Whether it reads what a detector says; it then has no perception, and sees no picture."""
+        return self.fields == SIGHTINGS
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Files of the networks that it has."""
+        return NETWORKS[1:] if self.reads_sightings else NETWORKS
 
     def file(self, folder: Path, name: str) -> Path:
         """Where one of ``files`` lies: in the bundle, or where bundles beside it share it.

@@ -14,9 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from cfnav_core.detect.sightings import Sighting, SightingEyes
 from cfnav_core.perception.perception import (
     OnnxPerception,
     Perceived,
+    Percept,
     Perception,
     PerceptionError,
 )
@@ -35,6 +37,9 @@ from cfnav_core.task.detections import confidence_column, width
 from cfnav_core.task.p_hat import Known, PHat, make_p_hat
 
 __all__ = ["BundleError", "Decision", "Policy"]
+
+View = np.ndarray | Sequence[Sighting]
+"""What a policy looks at: a picture, uint8 [H, W, 3], or what a detector says of it."""
 
 
 @dataclass(frozen=True)
@@ -55,15 +60,28 @@ class Decision:
     detection_score: float
 
 
-def check_fits(perception: Perception, head: BundleHead, where: str) -> None:
+def eyes_of(folder: Path, head: BundleHead) -> OnnxPerception | SightingEyes:
+    """What a bundle looks with.
+
+    Raises:
+        BundleError: its perception network cannot be used.
+    """
+    if head.reads_sightings:
+        return SightingEyes(head.objects, head.features)
+    try:
+        return OnnxPerception(head.file(folder, PERCEPTION))
+    except PerceptionError as error:
+        raise BundleError(str(error)) from error
+
+
+def check_fits(gives: Percept, head: BundleHead, where: str) -> None:
     """Raise BundleError when a perception does not give what a bundle's networks read.
 
     Args:
-        perception: to be used.
+        gives: what it gives.
         head: of the bundle.
         where: the bundle, for the message.
     """
-    gives = perception.gives
     pairs: list[tuple[str, Sequence[object], Sequence[object]]] = [
         ("features", gives.features, head.features)
     ]
@@ -84,6 +102,8 @@ class Policy:
         name: of the bundle.
         goals: objects that it was trained to find; ``admits`` knows whether it takes others.
         camera: that it learnt from; None when nobody said.
+        reads_sightings: whether it looks at what a detector says, of any camera, and at no picture;
+            then it has no predictor of its own.
         perception: identity of its perception network; what policies of the same one ``look`` at,
             each of them can ``decide`` on.
     """
@@ -91,11 +111,12 @@ class Policy:
     def __init__(
         self,
         head: BundleHead,
-        perception: Perception,
+        perception: Perception | SightingEyes,
         networks: Networks,
         sample_seed: int | None = None,
     ) -> None:
         self.name, self.perception = head.name, perception.identity
+        self.reads_sightings = head.reads_sightings
         self.goals, self.camera = head.goals, head.camera
         self._head = head
         self._objects = head.objects
@@ -126,11 +147,8 @@ class Policy:
         """
         folder = find_bundle(bundle)
         head = BundleHead.load(folder)
-        try:
-            perception = OnnxPerception(head.file(folder, PERCEPTION))
-        except PerceptionError as error:
-            raise BundleError(str(error)) from error
-        check_fits(perception, head, str(folder))
+        perception = eyes_of(folder, head)
+        check_fits(perception.gives, head, str(folder))
         return cls(head, perception, open_networks(folder, head, backend), sample_seed)
 
     def admits(self, goal: str) -> str:
@@ -175,17 +193,17 @@ class Policy:
 
     def act(
         self,
-        rgb: np.ndarray,
+        view: View,
         collision_probability: float | None = None,
         p_hat: PHat | None = None,
         earlier: Sequence[float] = (),
         *,
         goal: str | None = None,
     ) -> Decision:
-        """Decide on one picture.
+        """Decide on one picture, or on what a detector says of it.
 
         Args:
-            rgb: uint8 [H, W, 3], of the camera's shape.
+            view: uint8 [H, W, 3], of the camera's shape; sightings for one that reads them.
             collision_probability: what a LiDAR says, or whoever else knows, 0..1.
             p_hat: which kind the policy is given, see ``task.p_hat``. When None that probability,
                 or, where there is none, that of the bundle's own RGB predictor.
@@ -201,15 +219,17 @@ class Policy:
         if goal is not None and (self._goal < 0 or goal != self._objects[self._goal]):
             self.reset(goal)
         self._check(collision_probability)
-        return self.decide(self.look(rgb), collision_probability, p_hat, earlier)
+        return self.decide(self.look(view), collision_probability, p_hat, earlier)
 
-    def look(self, rgb: np.ndarray) -> Perceived:
-        """Observe one picture, uint8 [H, W, 3], of the camera's shape; remembers nothing.
+    def look(self, view: View) -> Perceived:
+        """Observe one picture, uint8 [H, W, 3], of the camera's shape, or sightings.
+
+        It remembers nothing.
 
         Raises:
-            PerceptionError: the picture cannot be used.
+            PerceptionError: it cannot be used.
         """
-        return self._perception.observe(rgb)
+        return self._perception.observe(view)  # type: ignore[arg-type]  # each refuses the other
 
     def check_size(self, height: int, width: int) -> None:
         """Raise PerceptionError when pictures of a size, pixels, cannot be used."""
@@ -235,7 +255,9 @@ class Policy:
         observation, given = self._observation(seen), collision_probability is not None
         known = Known(
             zero=np.zeros(1, np.float32),
-            own=lambda: self._networks.predict(observation, self._state),
+            own=None
+            if self.reads_sightings
+            else lambda: self._networks.predict(observation, self._state),
             lidar=np.array([collision_probability], np.float32) if given else None,
             earlier=[np.array([p], np.float32) for p in earlier],
         )
@@ -255,9 +277,11 @@ class Policy:
             seen: one picture of a policy with the same perception.
 
         Raises:
-            ValueError: no goal was set.
+            ValueError: no goal was set, or it reads sightings: its predictor learnt from pictures.
         """
         self._check(None)
+        if self.reads_sightings:
+            raise ValueError(f"found no picture for the predictor of {self.name}, use the LiDAR's")
         state = AgentState({}, self._watching, self._state.previous_action)
         p_hat = self._networks.predict(self._observation(seen), state)
         self._watching = state.predictor

@@ -19,6 +19,11 @@ BOXES: Fields = ("appearance*512", "x1", "y1", "x2", "y2", "confidence")
 HULLS: Fields = ("visible", "x", "y", "area")
 """Offline Data 2: 0 or 1, mean x and y and area of its pixels' hull, all in 0..1."""
 
+SIGHTINGS: Fields = ("confidence", "azimuth", "elevation", "width", "height", "distance")
+"""Any detector's, by any camera whose field of view is known: confidence 0..1; where the middle of
+the box lies, rad from straight ahead on the level, right and up positive; how wide and high it is,
+rad; how far its thing is from the robot's middle, metres, 0 where nobody knows."""
+
 
 def places(fields: Fields) -> dict[str, slice]:
     """Columns of each field, by its name without the width of a block.

@@ -26,7 +26,6 @@ from cfnav_ros.lidar.depth_watch import DepthWatch
 from cfnav_ros.lidar.estimate import SweptDisc, estimate_collision
 from cfnav_ros.lidar.frames import FrameTree
 from cfnav_ros.lidar.sweep import NOMINAL
-from cfnav_ros.robot.pinhole import Pinhole
 from sim_bridge.data.overhangs import crosses_plane
 from sim_bridge.robot import stereo
 from sim_bridge.robot.lidar_turn import standing_turn
@@ -40,6 +39,7 @@ from cfnav_core.command import run_options
 from cfnav_core.task.actions import STEP_M, Action
 from cfnav_core.task.camera import CAMERAS, CameraSetUp
 from cfnav_core.task.intervals import share_interval
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.deploy.driven_moves import SimulatedRobot, scan_of
 

@@ -17,12 +17,13 @@ from cfnav_core.models.parts.reading import columns_of
 from cfnav_core.models.size import ModelSize
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.task.actions import NUM_ACTIONS
-from cfnav_core.task.detections import BOXES, HULLS, SCORES
+from cfnav_core.task.detections import BOXES, HULLS, SCORES, SIGHTINGS
 from cfnav_core.task.vocabulary import CATEGORIES, DATA1_TARGETS, ROOM_TYPES
 
 ROOMS = len(ROOM_TYPES)
 SMALL = ModelSize(hidden=16, channels=4)
 BUILT_IN = ObservationSpec((256,), SCORES, CATEGORIES)
+SIGHTED = ObservationSpec((256,), SIGHTINGS, CATEGORIES)
 DATA1 = ObservationSpec((512, 7, 7), BOXES, DATA1_TARGETS)
 DATA1_CLIP = ObservationSpec((2048, 7, 7), BOXES, DATA1_TARGETS)
 DATA2 = ObservationSpec((512, 7, 7), HULLS, tuple(f"Object{i}" for i in range(101)))
@@ -85,17 +86,24 @@ def outspoken(model: NavModel) -> NavModel:
     return model
 
 
-def save_fresh(path: Path, model: ModelName, perception: Path, goals: tuple[str, ...]) -> Path:
-    """A checkpoint, as a run would write it, of a small agent that has learnt nothing."""
+def save_fresh(
+    path: Path, model: ModelName, perception: Path | None, goals: tuple[str, ...]
+) -> Path:
+    """A checkpoint, as a run would write it, of a small agent that has learnt nothing.
+
+    Without perception it is one that reads sightings.
+    """
+    inputs = BUILT_IN if perception else SIGHTED
+    seen_by = OnnxPerception(perception).identity if perception else "boxes of a test"
     config, known = RunConfig(model=model, size=SMALL, predictor_hidden=16), knowledge(38)
     torch.manual_seed(0)
-    agent = new_agent(config, BUILT_IN, known)
+    agent = new_agent(config, inputs, known)
     outspoken(agent.model)
     with torch.no_grad():
         agent.predictor.head.weight *= 10
     save_tensors(path, agent.tensors(known), {
         "config": asdict(config), "episodes": 0, "steps": 0, "best": -1.0, "goals": goals,
-        "perception": OnnxPerception(perception).identity, "inputs": asdict(BUILT_IN),
+        "perception": seen_by, "inputs": asdict(inputs),
         "commit": "none", "train_rooms": ("kitchen:0",), "validation_rooms": ("kitchen:1",),
     })  # fmt: skip
     return path

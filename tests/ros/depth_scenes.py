@@ -7,7 +7,8 @@ from array import array
 from types import SimpleNamespace
 
 import numpy as np
-from cfnav_ros.robot.pinhole import Pinhole
+
+from cfnav_core.task.pinhole import Pinhole
 
 FRAME = "depth_optical_frame"
 CAMERA = Pinhole(110.0, 110.0, 79.5, 49.5, 160, 100, FRAME)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,7 +11,8 @@ import torch
 from torch import Tensor
 
 from cfnav_core.models.base import Knowledge
-from cfnav_core.task.detections import DETECTED_ABOVE, Fields, places, width
+from cfnav_core.task.detections import DETECTED_ABOVE, SIGHTINGS, Fields, places, width
+from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 
 PICTURE_PX = 300
 """Side of the published pictures, pixels; their boxes are in pixels."""
@@ -26,7 +28,8 @@ class Rows(NamedTuple):
         detected: [B, C], 0 or 1.
         context: [B, C, K] in 0..1, zeros for an object that is not there. First comes whether it
             is there, then centre x and y (right and down positive) and the share of the picture
-            that its box covers.
+            that its box covers; of sightings its width and height instead, then how close it is and
+            whether that is known.
     """
 
     appearance: Tensor
@@ -62,6 +65,17 @@ def _of_boxes(x1: Tensor, y1: Tensor, x2: Tensor, y2: Tensor, confidence: Tensor
     return torch.stack([there, x, y, area], -1)
 
 
+def _of_sightings(
+    confidence: Tensor, azimuth: Tensor, elevation: Tensor, width: Tensor, height: Tensor,
+    distance: Tensor,
+) -> Tensor:  # fmt: skip
+    there = (confidence > 0).to(azimuth.dtype)
+    known = (distance > 0).to(azimuth.dtype)
+    x, y = (0.5 + azimuth / math.pi) * there, (0.5 - elevation / math.pi) * there
+    closeness = torch.exp(-distance / VISIBLE_DISTANCE_M) * known
+    return torch.stack([confidence, x, y, width / math.pi, height / math.pi, closeness, known], -1)
+
+
 def _as_they_are(*columns: Tensor) -> Tensor:
     return torch.stack(columns, -1)
 
@@ -70,6 +84,7 @@ MIDDLE = (1.0, 0.5, 0.5, 0.25)
 
 CONTEXTS = (
     Context(("score", "score_x", "score_y", "size", "near"), _of_scores, (*MIDDLE, 1.0)),
+    Context(SIGHTINGS, _of_sightings, (1.0, 0.5, 0.5, 0.25, 0.25, 0.5, 1.0)),
     Context(("x1", "y1", "x2", "y2", "confidence"), _of_boxes, MIDDLE),
     Context(("visible", "x", "y", "area"), _as_they_are, MIDDLE),
 )

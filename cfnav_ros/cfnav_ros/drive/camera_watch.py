@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfnav_core.task.camera import ASPECT_TOLERANCE, FOV_TOLERANCE_DEG, CameraSetUp
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive.inputs import CameraFrame
-from cfnav_ros.robot.pinhole import Pinhole
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive.inputs import Bumper, StampedEstimate, Tilt
 from cfnav_ros.drive.motion import Odometry
 from cfnav_ros.lidar.estimate import Estimate, Scan, Verdict
-from cfnav_ros.robot.pinhole import Pinhole
 
 BUMP = 1
 """``HazardDetection.BUMP``."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfnav_core.robot.settings import setting
-from cfnav_ros.robot.pinhole import Pinhole
+from cfnav_core.task.pinhole import Pinhole
 
 CELL_M = 0.02
 """Side of a cell; its points count as one at their mean."""

@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.lidar.depth_memory import DepthMemory, DepthParameters, Place, body
 from cfnav_ros.lidar.estimate import Estimate, SweptDisc
 from cfnav_ros.lidar.frames import FrameTree
 from cfnav_ros.lidar.mounting import told_twice
 from cfnav_ros.lidar.sweep import ErrorModel, free_way, seen_probability
 from cfnav_ros.robot.depths import cloud_to_metres, depth_to_metres, thinning
-from cfnav_ros.robot.pinhole import Pinhole
 from cfnav_ros.robot.speakers import OneSpeaker, Speaker
 from cfnav_ros.robot.stamps import FUTURE_S
 

@@ -2,5 +2,5 @@
 
 What the robot itself is, is data in `cfnav_core.robot`.
 
-May import: nothing of the project.
+May import: cfnav_core.task.
 """

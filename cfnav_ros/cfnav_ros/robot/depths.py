@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.robot.pictures import MAX_PIXELS
-from cfnav_ros.robot.pinhole import Pinhole
 
 ENCODINGS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Type of a pixel and metres in its unit; depthai_bridge and others call millimetres mono16."""

@@ -42,17 +42,22 @@ class Camera:
     Args:
         world: what to look at; its own physics state is not touched.
         set_up: where the camera sits and what it shows.
+
+    Attributes:
+        set_up, world: as given.
+        data: of MuJoCo, where all that it looks at is.
+        shows: int [geoms], of which goal, an index into ``room.objects``, each is seen; -1 of none.
     """
 
     def __init__(self, world: World, set_up: CameraSetUp = MAST) -> None:
         self.set_up = set_up
-        self._world = world
+        self.world = world
         self._mount = set_up.x, set_up.z
         width, height = set_up.size
         model = world.model
         self._id = model.camera("rgb").id
-        self._data = mj.MjData(model)
-        mj.mj_forward(model, self._data)
+        self.data = mj.MjData(model)
+        mj.mj_forward(model, self.data)
         self._renderer = mj.Renderer(model, height, width)
         self._shape = (height, width)
         self._rectangle = mj.MjrRect(0, 0, width, height)
@@ -69,7 +74,7 @@ class Camera:
         self._groups = model.geom_group.copy()
         seen = self._option.geomgroup[self._groups] > 0
         is_goal = np.append(self._category >= 0, False)
-        self._shows = np.where(seen & is_goal[world.geom_owner], world.geom_owner, -1)
+        self.shows = np.where(seen & is_goal[world.geom_owner], world.geom_owner, -1)
         # a plane has no bounding sphere
         self._reach = np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
@@ -88,25 +93,30 @@ class Camera:
 
     def rgb(self, pose: Pose | None = None) -> np.ndarray:
         """The picture at a pose (the robot's own when None): uint8 [H, W, 3]."""
-        self._aim(pose or self._world.pose)
+        self._aim(pose or self.world.pose)
         rgb = np.empty((*self._shape, 3), np.uint8)
         self._read(rgb, None)
         return np.ascontiguousarray(rgb[::-1])
 
     def depth(self, pose: Pose | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Picture, uint8 [H, W, 3], and depth, float32 [H, W], metres along the axis, at a pose."""
-        self._aim(pose or self._world.pose)
+        self._aim(pose or self.world.pose)
         return self._draw()
 
     def picture(self, pose: Pose | None = None) -> Rendering:
         """Picture, depth and owners at a pose (the robot's own when None)."""
-        self._aim(pose or self._world.pose)
+        self._aim(pose or self.world.pose)
         rgb, depth = self._draw()
         return Rendering(rgb, depth, self._owners())
 
+    def owners(self, pose: Pose) -> np.ndarray:
+        """Which object each pixel shows at a pose: int32 [H, W], see ``Rendering``."""
+        self._aim(pose)
+        return self._owners()
+
     def owner_pixels(self, pose: Pose | None = None) -> np.ndarray:
         """int64 [objects]: pixels of every object at a pose."""
-        self._aim(pose or self._world.pose)
+        self._aim(pose or self.world.pose)
         return np.bincount(self._owners().ravel() + 1, minlength=len(self._category) + 1)[1:]
 
     def visible_things(
@@ -120,14 +130,18 @@ class Camera:
 
         Source: ``cfnav_core.task.visibility.visible``.
         """
-        pose = pose or self._world.pose
-        x0, y0, x1, y1 = self._footprint.T
-        dx = np.maximum(np.maximum(x0 - pose.x, pose.x - x1), 0)
-        dy = np.maximum(np.maximum(y0 - pose.y, pose.y - y1), 0)
-        distance = np.hypot(dx, dy)
+        pose = pose or self.world.pose
+        distance = self.distances(pose)
         if owner_pixels is None:
             owner_pixels = self._near_pixels(pose, distance <= VISIBLE_DISTANCE_M)
         return visible(owner_pixels, distance, self.set_up) & (self._category >= 0)
+
+    def distances(self, pose: Pose) -> np.ndarray:
+        """How far the nearest point of each thing's footprint is, float [objects], metres."""
+        x0, y0, x1, y1 = self._footprint.T
+        dx = np.maximum(np.maximum(x0 - pose.x, pose.x - x1), 0)
+        dy = np.maximum(np.maximum(y0 - pose.y, pose.y - y1), 0)
+        return np.hypot(dx, dy)
 
     def visible_categories(
         self, pose: Pose | None = None, owner_pixels: np.ndarray | None = None
@@ -141,6 +155,11 @@ class Camera:
         """Whether a category is visible at a pose (the robot's own when None)."""
         return bool(self.visible_categories(pose)[CATEGORIES.index(goal)])
 
+    def looks(self, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+        """Where it is at a pose, float [3], m, and what is right, up and forward, rows [3, 3]."""
+        axes = self._place(pose)
+        return self.data.cam_xpos[0].copy(), axes
+
     def _near_pixels(self, pose: Pose, near: np.ndarray) -> np.ndarray:
         """int64 [objects]: pixels of the near ones that can be goals; others may be missing.
 
@@ -151,10 +170,10 @@ class Camera:
             return nothing
         axes = self._place(pose)
         away = self._out_of_view(axes)
-        wanted = ~away & (self._shows >= 0) & near[self._shows]
+        wanted = ~away & (self.shows >= 0) & near[self.shows]
         if not wanted.any():
             return nothing
-        distance = np.linalg.norm(self._data.geom_xpos - self._data.cam_xpos[0], axis=1)
+        distance = np.linalg.norm(self.data.geom_xpos - self.data.cam_xpos[0], axis=1)
         last = (distance + self._reach)[wanted].max()
         self._gather(away | (distance - self._reach > last))
         return np.bincount(self._owners().ravel() + 1, minlength=len(nothing) + 1)[1:]
@@ -171,18 +190,18 @@ class Camera:
         up = np.cross(right, forward)
         x, z = self._mount
         # the model is shared with other cameras of the same world, and with its laser
-        self._world.model.cam_fovy[self._id] = self.set_up.fov_deg[1]
-        self._data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
-        self._data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
+        self.world.model.cam_fovy[self._id] = self.set_up.fov_deg[1]
+        self.data.cam_xpos[0] = (pose.x + x * c, pose.y + x * s, z)
+        self.data.cam_xmat[0] = np.stack([right, up, -forward], 1).ravel()
         return np.stack([right, up, forward])
 
     def _gather(self, away: np.ndarray) -> None:
         """Bring into the scene what is to be drawn: all but some geoms, bool [geoms]."""
-        self._world.model.geom_group[away] = TOUCH_ONLY
+        self.world.model.geom_group[away] = TOUCH_ONLY
         try:
-            self._renderer.update_scene(self._data, self._id, self._option)
+            self._renderer.update_scene(self.data, self._id, self._option)
         finally:
-            self._world.model.geom_group[:] = self._groups
+            self.world.model.geom_group[:] = self._groups
         flags = self._renderer.scene.flags
         flags[mj.mjtRndFlag.mjRND_SHADOW] = flags[mj.mjtRndFlag.mjRND_REFLECTION] = 0
 
@@ -194,7 +213,7 @@ class Camera:
         Args:
             axes: of ``_place``.
         """
-        right, up, forward = axes @ (self._data.geom_xpos - self._data.cam_xpos[0]).T
+        right, up, forward = axes @ (self.data.geom_xpos - self.data.cam_xpos[0]).T
         steep = math.tan(math.radians(self.set_up.fov_deg[1]) / 2)
         wide = steep * self._shape[1] / self._shape[0]
         beside = np.abs(right) - wide * forward > self._reach * math.hypot(1, wide)
@@ -230,5 +249,5 @@ class Camera:
         table = np.full(scene.ngeom + 2, -1, np.int32)
         for geom in scene.geoms[: scene.ngeom]:
             if geom.segid != -1 and geom.objtype == mj.mjtObj.mjOBJ_GEOM:
-                table[geom.segid + 1] = self._world.geom_owner[geom.objid]
+                table[geom.segid + 1] = self.world.geom_owner[geom.objid]
         return table[index[::-1]]

@@ -19,10 +19,10 @@ from cfnav_ros.bags.replay.estimates import Estimates
 from cfnav_ros.bags.replay.replay import Replay
 from cfnav_ros.bags.replay.step import PROBABILITY_TOLERANCE, labelled, reproduction
 from cfnav_ros.drive.limits import EpisodeLimits
-from cfnav_ros.robot.pinhole import Pinhole
 
 from cfnav_core.policy.policy import Policy
 from cfnav_core.task.actions import Action
+from cfnav_core.task.pinhole import Pinhole
 from tests.bags.live_drives import RecordedRobot, blocks, later, restless_bundle, without
 from tests.bags.steps import step_of
 

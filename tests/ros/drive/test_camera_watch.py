@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cfnav_ros.drive.camera_watch import WHOLE, CameraWatch, fitting, other_camera
 from cfnav_ros.drive.inputs import CameraFrame
-from cfnav_ros.robot.pinhole import Pinhole
 
 from cfnav_core.task.camera import CAMERAS, MAST
+from cfnav_core.task.pinhole import Pinhole
 
 
 def camera(wide: float, width: int, height: int, cx: float = math.nan) -> Pinhole:

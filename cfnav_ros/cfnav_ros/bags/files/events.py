@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cfnav_core.task.actions import Action
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.lidar.estimate import Estimate, Scan
-from cfnav_ros.robot.pinhole import Pinhole
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,7 @@ import numpy as np
 from cfnav_core.perception.perception import Perceived
 from cfnav_core.policy.policy import Policy
 from cfnav_core.task.actions import Action
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.bags.files.events import (
     Bumps,
     Calibrated,
@@ -40,7 +41,6 @@ from cfnav_ros.bags.replay.step import LeftOut, ReplayStep
 from cfnav_ros.bags.replay.view import ReplayView, view
 from cfnav_ros.drive.camera_watch import WHOLE, Crop, fitting
 from cfnav_ros.drive.limits import EpisodeLimits
-from cfnav_ros.robot.pinhole import Pinhole
 
 WAIT_NS = 1_000_000_000
 """A picture or scan may be recorded so much later than the decision that was taken on it."""

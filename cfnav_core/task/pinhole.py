@@ -1,4 +1,4 @@
-"""A camera as a pinhole without distortion, by its CameraInfo. Pure."""
+"""A camera as a pinhole without distortion: where its pixels look, and what it sees where."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfnav_core.task.camera import CameraSetUp
+
 
 @dataclass(frozen=True)
 class Pinhole:
-    """What ``camera_info`` says of a camera.
+    """Where the pixels of a camera look, as its ``CameraInfo`` or its set-up says.
 
     Attributes:
         fx, fy: focal lengths, pixels; 0 when nobody calibrated it.
@@ -26,6 +28,13 @@ class Pinhole:
     width: int
     height: int
     frame: str = ""
+
+    @classmethod
+    def of(cls, camera: CameraSetUp, size: tuple[int, int] | None = None) -> Pinhole:
+        """A camera by its set-up, in pictures of a width and height; its own when None."""
+        (width, height), (across, down) = size or camera.size, camera.focal_share
+        fx, fy = across * width, down * height
+        return cls(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height)
 
     @property
     def fov_deg(self) -> tuple[float, float] | None:

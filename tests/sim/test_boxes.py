@@ -1,0 +1,162 @@
+"""Scenes with a detector's boxes in place of what a perception detects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from sim_bridge.data import boxes
+from sim_bridge.room.room import generate_room
+from sim_bridge.world.camera import Camera
+from sim_bridge.world.grid import state_grid
+from sim_bridge.world.things import Things
+from sim_bridge.world.world import Pose, World
+
+from cfnav_core.detect.errors import SHIPPED
+from cfnav_core.scenes.scene import OfflineScene
+from cfnav_core.task.camera import CAMERAS, MAST
+from cfnav_core.task.detections import SIGHTINGS
+from cfnav_core.task.rooms import room_folder
+from cfnav_core.task.vocabulary import CATEGORIES
+from tests.core.worlds import hall
+
+ROOM = ("bathroom", 3)
+WIDE = CAMERAS["stock_wide"]
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the scene of a bathroom by the camera as sold, of pictures nothing."""
+    folder = tmp_path_factory.mktemp("rooms")
+    grid = state_grid(World(generate_room(*ROOM), False), WIDE.horizons)
+    states, objects = len(grid.next_state), len(CATEGORIES)
+    scene = replace(
+        hall(), name="bathroom:3", room_type="bathroom", objects=CATEGORIES, goals=(),
+        features=np.zeros((states, 4), np.float16), camera=WIDE,
+        detections=np.zeros((states, objects, 5), np.float16),
+        next_state=grid.next_state, collided=grid.collided,
+        visible=np.zeros((states, objects), bool), position=grid.position,
+        heading=grid.heading, horizon=grid.horizon, positions=grid.positions,
+        instances=np.zeros(objects, np.int16),
+        distance=np.zeros((len(grid.positions), objects), np.float32),
+    )  # fmt: skip
+    scene.save(room_folder(folder, *ROOM))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def faultless(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Errors of a detector that has none."""
+    said = yaml.safe_load(SHIPPED.read_text())
+    said |= {"jitter": 0, "false_alarms": 0, "confused": 0}
+    said["recall"] |= {"base": 99.0}
+    path = tmp_path_factory.mktemp("errors") / "none.yaml"
+    path.write_text(yaml.safe_dump(said))
+    return path
+
+
+def made(scenes: Path, out: Path, **options) -> OfflineScene:
+    boxes.run(boxes.BoxOptions(scenes, out, ["bathroom:3"], processes=1, **options))
+    return OfflineScene.load(room_folder(out, *ROOM))
+
+
+@pytest.fixture(scope="module")
+def true(scenes: Path, faultless: Path, tmp_path_factory: pytest.TempPathFactory) -> OfflineScene:
+    """With every true box, and distances by depth."""
+    return made(scenes, tmp_path_factory.mktemp("out"), errors=faultless, distance="depth")
+
+
+def test_a_scene_keeps_all_but_its_detections(scenes: Path, true: OfflineScene) -> None:
+    before = OfflineScene.load(room_folder(scenes, *ROOM))
+    assert true.fields == SIGHTINGS
+    assert (true.source, true.camera, true.goals) == (before.source, before.camera, before.goals)
+    np.testing.assert_array_equal(true.features, before.features)
+    np.testing.assert_array_equal(true.next_state, before.next_state)
+    assert "far by depth on" in true.perception
+
+
+def test_what_the_camera_sees_is_where_it_is_said(true: OfflineScene) -> None:
+    """Of each sighting the direction leads to the thing, as the room has it."""
+    room = generate_room(*ROOM)
+    grid = state_grid(World(room, False), WIDE.horizons)
+    checked = 0
+    for state in range(0, true.num_states, 7):
+        pose = grid.pose(state)
+        eye = np.array([pose.x + WIDE.x * np.cos(pose.yaw), pose.y + WIDE.x * np.sin(pose.yaw)])
+        for row in np.flatnonzero(true.detections[state, :, 0]):
+            things = [o for o in room.objects if o.name == CATEGORIES[row]]
+            azimuth = true.detections[state, row, 1]
+            ray = np.array([np.cos(pose.yaw - azimuth), np.sin(pose.yaw - azimuth)])
+            assert min(_off(eye, ray, thing.footprint) for thing in things) < 0.15
+            checked += 1
+    assert checked > 30
+
+
+def _off(eye: np.ndarray, ray: np.ndarray, footprint: tuple[float, float, float, float]) -> float:
+    """By how much a ray misses a footprint, metres."""
+    x0, y0, x1, y1 = footprint
+    along = eye + np.linspace(0, 8, 400)[:, None] * ray
+    away = np.maximum(np.maximum([x0, y0] - along, along - [x1, y1]), 0)
+    return float(np.hypot(*away.T).min())
+
+
+def test_distances_are_those_of_things_give_or_take_a_cameras_error(true: OfflineScene) -> None:
+    seen = true.detections[..., 0] > 0
+    far = np.asarray(true.detections[..., 5], float)[seen]
+    assert 0.02 < (far == 0).mean() < 0.25  # stereo has none of some
+    assert far.max() < 6
+
+
+@pytest.mark.parametrize("by", ["size", "lidar", "nothing", "mixed"])
+def test_distances_may_be_known_otherwise(
+    by: str, scenes: Path, faultless: Path, true: OfflineScene, tmp_path: Path
+) -> None:
+    other = made(scenes, tmp_path, errors=faultless, distance=by)
+    seen = (true.detections[..., 0] > 0) & (true.detections[..., 5] > 0)
+    near, far = (np.asarray(s.detections[..., 5], float)[seen] for s in (true, other))
+    if by == "nothing":
+        assert not far.any()
+    else:
+        told = far > 0
+        assert told.mean() > 0.5
+        assert np.median(np.abs(far - near)[told]) < 0.6
+
+
+def test_rooms_that_are_there_are_kept_and_others_made_again(scenes: Path, tmp_path: Path) -> None:
+    first = made(scenes, tmp_path, distance="size")
+    path = room_folder(tmp_path, *ROOM) / "detections.npy"
+    before = path.stat().st_mtime_ns
+    made(scenes, tmp_path, distance="size")
+    assert path.stat().st_mtime_ns == before
+    second = made(scenes, tmp_path, distance="nothing")
+    assert path.stat().st_mtime_ns > before
+    assert first.perception != second.perception
+
+
+def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> None:
+    scene = OfflineScene.load(room_folder(scenes, *ROOM))
+    replace(scene, name="bathroom:4").save(room_folder(tmp_path, "bathroom", 4))
+    with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:4"):
+        boxes.run(boxes.BoxOptions(tmp_path, tmp_path / "out", ["bathroom:4"], processes=1))
+
+
+def test_a_thing_that_is_cut_off_shows_a_smaller_share_of_itself() -> None:
+    world = World(generate_room("kitchen", 3))
+    fridge = next(o for o in world.room.objects if o.name == "Fridge")
+    x0, y0, x1, y1 = fridge.footprint
+    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+    inwards = np.array([world.room.width, world.room.depth]) / 2 - middle
+    yaw = float(np.arctan2(*-inwards[::-1]))
+    shares = []
+    with Camera(world, MAST) as camera:
+        things = Things(camera)
+        for away in (0.9, 1.6, 2.2):
+            at = middle + inwards / np.hypot(*inwards) * away
+            pose = Pose(float(at[0]), float(at[1]), yaw, 0.0)
+            seen = things.seen(pose, camera.owners(pose))
+            shares.append(max(t.share for t in seen if t.name == "Fridge"))
+    assert shares == sorted(shares)
+    assert shares[0] < 0.6
