@@ -73,7 +73,7 @@ class ErrorModel:
     Attributes:
         recall: how probably it finds what.
         least: score below which it says nothing.
-        found, false: a and b of the beta distribution of scores from ``least`` to 1, of what is
+        found, invented: a and b of the beta distribution of scores from ``least`` to 1, of what is
             there and of what is not.
         jitter: standard deviation of each edge of a box, as a share of its width or height.
         false_alarms: that nothing causes, mean a picture.
@@ -84,7 +84,7 @@ class ErrorModel:
     recall: Recall
     least: float
     found: tuple[float, float]
-    false: tuple[float, float]
+    invented: tuple[float, float]
     jitter: float
     false_alarms: float
     confused: float
@@ -100,7 +100,7 @@ class ErrorModel:
         try:
             said: dict[str, Any] = yaml.safe_load(path.read_text())
             values = {one.name: said[one.name] for one in fields(cls)}
-            pairs = {name: tuple(map(float, values[name])) for name in ("found", "false")}
+            pairs = {name: tuple(map(float, values[name])) for name in ("found", "invented")}
             return cls(**values | pairs | {"recall": Recall(**values["recall"])})
         except (
             OSError,
@@ -163,4 +163,4 @@ class ErrorModel:
         wide, high = size[1] * np.exp(rng.uniform(math.log(0.05), math.log(0.5), 2))
         left, top = rng.uniform(0, [size[0] - wide, size[1] - high])
         box = (float(left), float(top), float(left + wide), float(top + high))
-        return Detection(str(rng.choice(names)), self._score(self.false, rng), box)
+        return Detection(str(rng.choice(names)), self._score(self.invented, rng), box)

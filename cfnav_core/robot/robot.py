@@ -23,6 +23,7 @@ from cfnav_core.robot.topics import (
     Topic,
     camera_info,
     depth_type,
+    detections_type,
     picture_type,
 )
 
@@ -182,7 +183,8 @@ def _topics(renamed: Any, tilts: bool) -> dict[str, Topic]:
         raise ValueError(f"topics.{min(missing)} is null, but nothing can be driven without it.")
     lacking |= set() if tilts else {"tilt_command"}
     named = {role: replace(TOPICS[role], name=name) for role, name in renamed.items() if name}
-    for role, type_of in (("image", picture_type), ("depth", depth_type)):
+    types = {"image": picture_type, "depth": depth_type, "detections": detections_type}
+    for role, type_of in types.items():
         if role in named:
             named[role] = replace(named[role], type=type_of(named[role].name))
     return {role: topic for role, topic in (TOPICS | named).items() if role not in lacking}

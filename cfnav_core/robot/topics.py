@@ -19,6 +19,12 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 PACKED = "/compressed"
 """How the name of a topic of compressed pictures ends (image_transport)."""
 
+DETECTIONS_2D = "vision_msgs/msg/Detection2DArray"
+DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
+
+SPATIAL = "spatial_detections"
+"""How the name of a topic of detections with distances ends (depthai_ros_driver)."""
+
 POINTS = "points"
 """How the name of a topic of a depth camera's points ends (depth_image_proc, realsense2_camera)."""
 
@@ -64,6 +70,11 @@ def depth_type(depth: str) -> str:
     return CLOUD if depth.endswith(POINTS) else RAW
 
 
+def detections_type(detections: str) -> str:
+    """The type of what a detector says on a topic: its name tells, as depthai's driver names it."""
+    return DETECTIONS_3D if detections.endswith(SPATIAL) else DETECTIONS_2D
+
+
 def unstamped(cmd_vel: str) -> str:
     """A second topic that moves a TurtleBot 4, by Twist."""
     return cmd_vel.removesuffix("_unstamped") + "_unstamped"
@@ -73,7 +84,7 @@ ROBOT_TOPICS: dict[str, Topic] = {
     "image": Topic("oakd/rgb/preview/image_raw", RAW),
     "camera_info": Topic("oakd/rgb/preview/camera_info", "sensor_msgs/msg/CameraInfo"),
     # of the camera's own detector, or of detector_node
-    "detections": Topic("detections", "vision_msgs/msg/Detection2DArray", 5),
+    "detections": Topic("detections", DETECTIONS_2D, 5),
     # 4 MB/s and more, and nothing judges it again: not recorded
     "depth": Topic("oakd/stereo/image_raw", "sensor_msgs/msg/Image", recorded=False),
     "depth_info": Topic("oakd/stereo/camera_info", "sensor_msgs/msg/CameraInfo", recorded=False),

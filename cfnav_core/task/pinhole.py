@@ -46,6 +46,14 @@ class Pinhole:
         wide, high = self.width / self.fx / 2, self.height / self.fy / 2
         return math.degrees(2 * math.atan(wide)), math.degrees(2 * math.atan(high))
 
+    def scaled(self, width: int, height: int) -> Pinhole:
+        """The same view in pictures of another width and height."""
+        across, down = width / self.width, height / self.height
+        return Pinhole(
+            self.fx * across, self.fy * down, (self.cx + 0.5) * across - 0.5,
+            (self.cy + 0.5) * down - 0.5, width, height, self.frame,
+        )  # fmt: skip
+
     def thinned(self, every: int) -> Pinhole:
         """The camera whose pictures have only the first of so many rows and columns."""
         return Pinhole(

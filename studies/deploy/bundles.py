@@ -14,6 +14,7 @@ from torch import Tensor
 from cfnav_core.models.base import ModelInput, NavModel
 from cfnav_core.policy.bundle import BundleError, BundleHead
 from cfnav_core.task.actions import NUM_ACTIONS, Action
+from cfnav_core.task.detections import SCORES, SIGHTINGS
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
 from studies.deploy.listed_actions import write_bundle
 
@@ -52,18 +53,22 @@ class CountedActions(NavModel):
         return logits, logits[:, :1], {"h": now}
 
 
-def make_bundle(folder: Path, lists: Mapping[str, Sequence[Action]]) -> Path:
+def make_bundle(
+    folder: Path, lists: Mapping[str, Sequence[Action]], reads_sightings: bool = False
+) -> Path:
     """Write a bundle that answers these actions, one list for each goal; returns its folder.
 
-    It is named by a hash of the actions, so that one which is there already can be used again.
+    It looks at pictures, or at what a detector says. It is named by a hash of the actions, so that
+    one which is there already can be used again.
     """
     named = {goal: [action.name for action in actions] for goal, actions in lists.items()}
     name = hashlib.sha256(json.dumps(named, sort_keys=True).encode()).hexdigest()[:12]
-    out = folder / f"listed-{name}"
+    out = folder / f"{'sighted' if reads_sightings else 'listed'}-{name}"
     try:
         BundleHead.load(out)
     except BundleError:  # missing, cut short, or made for older code
         shutil.rmtree(out, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)
-        write_bundle(out, CountedActions(lists), tuple(lists))
+        fields = SIGHTINGS if reads_sightings else SCORES
+        write_bundle(out, CountedActions(lists), tuple(lists), fields=fields)
     return out

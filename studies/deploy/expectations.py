@@ -163,6 +163,22 @@ _DEPTH = {
     "depth_info_other": _rides("a calibration of another size is another camera's" + _ALONE),
 }
 
+_DETECTIONS = {
+    "detections_silent": _stops("picture", "the newest word of a detector grows too old"),
+    "detections_late_2": _stops("picture", "all that it says is older than a picture may be"),
+    "detections_stamp_future": _stops("picture", "a stamp ahead of now comes from another clock"),
+    "detections_stamp_back": _stops("picture", "a stamp of 5 s ago is an old picture's"),
+    "detections_rival": _stops("graph", _RIVAL, refused=True),
+    "detections_other_labels": _stops(
+        "picture", "a number that the labels lack may be anything", refused=True
+    ),
+    "detections_nan": _stops("picture", "a box that is nowhere is no box"),
+    "detections_flood": _stops("picture", "no camera shows so many things"),
+    "detections_other_size": _stops(
+        "picture", "a box outside of the picture is of another picture", refused=True
+    ),
+}
+
 _ODOM = {
     "odom_silent": _stops("odometry", "the newest odometry grows older than it may be"),
     "odom_late_0.5": _stops("odometry", "all odometry arrives older than it may be"),
@@ -274,7 +290,9 @@ _PROCESS = {
     "client_gone": _rides("a goal outlives its client, as in every ROS 2 action server"),
 }
 
-SIMULATED = {**_SCAN, **_IMAGE, **_DEPTH, **_ODOM, **_BASE_FAULTS, **_COMMAND, **_TIME}
+SIMULATED = {
+    **_SCAN, **_IMAGE, **_DEPTH, **_DETECTIONS, **_ODOM, **_BASE_FAULTS, **_COMMAND, **_TIME,
+}  # fmt: skip
 """Faults that the mock robot plays, by the names of its table."""
 
 PROCESS_FAULTS = tuple(_PROCESS)
@@ -378,6 +396,7 @@ NAMES_CAUSE = {
     "image": "picture|image",
     "camera": "picture",
     "depth": "epth",
+    "detections": "etect|box|class",
     "estimate": "estimate",
     "relay": "dometry|base",
     "odom": "dometry|odom|slip|motions failed|come to rest",

@@ -29,7 +29,7 @@ from studies.deploy.judge import JUDGE
 from studies.deploy.matrix_report import summarise, table
 from studies.deploy.places import StartPlaces
 from studies.deploy.pool import results
-from studies.deploy.reactions import Expectation, FaultPhase
+from studies.deploy.reactions import PARTS, Expectation, FaultPhase
 from studies.deploy.rig import Rig
 
 
@@ -93,11 +93,12 @@ def run_task(rig: Rig, places: StartPlaces, task: Task) -> tuple[dict[str, Any],
 
 
 def made(tasks: Sequence[Task], config: MatrixConfig) -> Iterator[dict[str, Any] | str]:
-    """See ``results``; robots have a depth camera in those cells that need one, which come last."""
-    bundle = make_bundle(config.out.parent / "bundles", LISTS)
-    for depth, logs in ((False, "logs"), (True, "logs_depth")):
-        of = [task for task in tasks if EXPECTATIONS[task[0]].depth is depth]
-        yield from results(run_task, of, bundle, config.out.parent / logs, config.graphs, depth)
+    """See ``results``; robots have what some cells need in those only, which come last."""
+    folder = config.out.parent
+    for part in ("", *PARTS.values()):
+        bundle = make_bundle(folder / "bundles", LISTS, part == "detector")
+        of = [task for task in tasks if EXPECTATIONS[task[0]].part == part]
+        yield from results(run_task, of, bundle, folder / f"logs{part}", config.graphs, part)
 
 
 def measure(config: MatrixConfig) -> list[dict[str, Any]]:

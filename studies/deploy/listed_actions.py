@@ -16,9 +16,9 @@ from cfnav_core.learn.export import export_networks
 from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import FEATURES
-from cfnav_core.policy.bundle import NETWORKS, WEIGHTS, BundleHead
+from cfnav_core.policy.bundle import PERCEPTION, WEIGHTS, BundleHead
 from cfnav_core.task.actions import NUM_ACTIONS, Action
-from cfnav_core.task.detections import SCORES
+from cfnav_core.task.detections import SCORES, SIGHTINGS, Fields
 from cfnav_core.task.vocabulary import CATEGORIES
 
 
@@ -48,19 +48,25 @@ class ActionTable(NavModel):
 
 
 def write_bundle(
-    out: Path, model: NavModel, goals: tuple[str, ...], perception: PerceptionNet | None = None
-) -> None:
-    """Write a bundle that drives with a model, with perception that has learnt nothing."""
+    out: Path, model: NavModel, goals: tuple[str, ...], perception: PerceptionNet | None = None,
+    fields: Fields = SCORES,
+) -> None:  # fmt: skip
+    """Write a bundle that drives with a model, with perception that has learnt nothing.
+
+    Where it reads sightings there is none.
+    """
     out.mkdir()
-    export_perception(perception or PerceptionNet(), out / "perception.onnx")
-    inputs = ObservationSpec((FEATURES,), SCORES, CATEGORIES)
+    if fields != SIGHTINGS:
+        export_perception(perception or PerceptionNet(), out / PERCEPTION)
+    inputs = ObservationSpec((FEATURES,), fields, CATEGORIES)
     predictor = CollisionPredictor(inputs.features)
     tables = RewardTables.of("baseline", Knowledge())
     agent = Agent(model, predictor, REWARDS["baseline"], tables)
     export_networks(agent, inputs, out)
     (out / WEIGHTS).touch()  # the networks hold their numbers themselves
-    hashes = {name: sha256(out / name) for name in (*NETWORKS, WEIGHTS)}
-    BundleHead(out.name, "ours", True, CATEGORIES, goals, hashes, {}, {}).save(out)
+    hashes = {path.name: sha256(path) for path in sorted(out.iterdir())}
+    head = BundleHead(out.name, "ours", True, CATEGORIES, goals, hashes, {}, {}, fields=fields)
+    head.save(out)
 
 
 class ListedActions:

@@ -13,7 +13,11 @@ from cfnav_ros.ros.graph import GraphConfig, RosGraph
 
 from cfnav_core.command.interrupt import INTERRUPT
 from studies.deploy.places import ROOM, StartPlaces, find_places
+from studies.deploy.reactions import Part
 from studies.deploy.rig import Rig
+
+NO_ERRORS = Path(__file__).with_name("no_errors.yaml")
+"""Of a detector that finds everything, so that there is something that can be wrong."""
 
 ATTEMPTS = 3
 """Graphs that may fail a task before it is given up."""
@@ -23,7 +27,7 @@ Work = Callable[[Rig, StartPlaces, Any], tuple[dict[str, Any], bool]]
 
 
 def results(
-    work: Work, tasks: Sequence[Any], bundle: Path, logs: Path, graphs: int, depth: bool = False
+    work: Work, tasks: Sequence[Any], bundle: Path, logs: Path, graphs: int, part: Part = ""
 ) -> Iterator[dict[str, Any] | str]:
     """Do all tasks and yield each result as it comes, or a sentence for a task that failed.
 
@@ -35,7 +39,7 @@ def results(
         bundle: drives all graphs.
         logs: folder for the logs of their nodes.
         graphs: how many run side by side.
-        depth: whether their robots have a depth camera.
+        part: what their robots have besides; a detector makes no errors of its own.
 
     Raises:
         GraphError: all graphs have ended.
@@ -43,7 +47,7 @@ def results(
     context = multiprocessing.get_context("spawn")
     inbox, outbox = context.Queue(), context.Queue()
     workers = [
-        context.Process(target=_worker, args=(work, (bundle, logs / str(n), depth), inbox, outbox))
+        context.Process(target=_worker, args=(work, (bundle, logs / str(n), part), inbox, outbox))
         for n in range(min(graphs, len(tasks)))
     ]
     for task in [*tasks, *(None for _ in workers)]:
@@ -72,7 +76,7 @@ def _next(outbox: Any, workers: Sequence[Any], logs: Path) -> dict[str, Any] | s
                 raise GraphError(f"all graphs ended too early; see {logs}") from None
 
 
-def _worker(work: Work, asked: tuple[Path, Path, bool], inbox: Any, outbox: Any) -> None:
+def _worker(work: Work, asked: tuple[Path, Path, Part], inbox: Any, outbox: Any) -> None:
     """Do tasks until there are no more; the main function of a process."""
     INTERRUPT.catch()
     lab = _Lab(*asked)
@@ -88,8 +92,8 @@ def _worker(work: Work, asked: tuple[Path, Path, bool], inbox: Any, outbox: Any)
 class _Lab:
     """One graph at a time, replaced when it has failed or was broken."""
 
-    def __init__(self, bundle: Path, logs: Path, depth: bool = False) -> None:
-        self._bundle, self._logs, self._depth = bundle, logs, depth
+    def __init__(self, bundle: Path, logs: Path, part: Part = "") -> None:
+        self._bundle, self._logs, self._part = bundle, logs, part
         self._places = find_places()
         self._opened = 0
         self._rig: Rig | None = None
@@ -113,7 +117,10 @@ class _Lab:
         if self._rig is None:
             self._opened += 1
             logs = self._logs / str(self._opened)
-            config = GraphConfig(ROOM, logs, bundle=self._bundle, depth=self._depth)
+            config = GraphConfig(
+                ROOM, logs, bundle=self._bundle, depth=self._part == "depth",
+                detector=str(NO_ERRORS),
+            )  # fmt: skip
             self._rig = Rig(RosGraph(config).__enter__())
         return self._rig
 

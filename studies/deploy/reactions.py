@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Literal
 
 from cfnav_ros.drive.clock_watch import GRACE_S
 from cfnav_ros.drive.disturbance import SLIP_WINDOW_S
@@ -139,6 +139,13 @@ LIMIT_CHANGED = {
 """Limits that were changed after measurements had begun: commit and reason."""
 
 
+Part = Literal["", "depth", "detector"]
+"""A camera's part that not every robot has."""
+
+PARTS: dict[str, Part] = {"depth": "depth", "detections": "detector"}
+"""By how the names of its faults begin."""
+
+
 @dataclass(frozen=True)
 class Expectation:
     """One cell. ``limit`` names what is detected within its time; empty where nothing need be."""
@@ -188,9 +195,9 @@ class Expectation:
         return stops and not self.goes_on
 
     @property
-    def depth(self) -> bool:
-        """Whether the robot has a depth camera: all cells of its faults need one, no others do."""
-        return self.fault.startswith("depth_")
+    def part(self) -> Part:
+        """What the robot has besides: all cells of its faults need it, no others do."""
+        return PARTS.get(self.fault.partition("_")[0], "")
 
     @property
     def before_wall(self) -> bool:

@@ -251,7 +251,7 @@ def rows(said: Said) -> Iterator[str]:
 
 
 def _plain(model: ErrorModel) -> dict[str, Any]:
-    return asdict(model) | {"found": list(model.found), "false": list(model.false)}
+    return asdict(model) | {"found": list(model.found), "invented": list(model.invented)}
 
 
 def main(options: ErrorOptions) -> None:

@@ -33,12 +33,12 @@ TEST_ROOMS = ",".join(
 )
 
 CONDITIONS = (
-    "bundle", "networks", "speed", "veto", "lock_step", "camera", "max_steps", "world"
+    "bundle", "networks", "speed", "veto", "lock_step", "camera", "max_steps", "world", "detector"
 )  # fmt: skip
 """What each line repeats, and what all lines of a file must share: as asked for, and the identities
 of the bundle's networks and of the simulator, which change under one name."""
 
-UNSAID = {"camera": "mast", "max_steps": 0}
+UNSAID = {"camera": "mast", "max_steps": 0, "detector": "shipped"}
 """What held for lines that were written before this was a condition."""
 
 
@@ -106,6 +106,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
         domain=config.domain,
         lock_step=config.lock_step,
         camera=config.camera,
+        detector=config.detector,
     )
 
     def done(trial: Trial, outcome: Outcome) -> None:

@@ -279,18 +279,22 @@ def test_the_lag_of_commands_is_counted_in_real_time(tmp_path):
         )  # fmt: skip
 
 
-def test_only_cells_of_depth_are_measured_on_a_robot_that_has_it(tmp_path, monkeypatch):
+def test_only_cells_of_a_part_are_measured_on_a_robot_that_has_it(tmp_path, monkeypatch):
     asked = []
 
-    def results(work, tasks, bundle, logs, graphs, depth):
-        asked.append((depth, {EXPECTATIONS[task[0]].fault for task in tasks}))
+    def results(work, tasks, bundle, logs, graphs, part):
+        asked.append((part, bundle, {EXPECTATIONS[task[0]].fault for task in tasks}))
         yield from ()
 
     monkeypatch.setattr(fault_matrix, "results", results)
-    monkeypatch.setattr(fault_matrix, "make_bundle", lambda folder, lists: folder)
-    config = fault_matrix.MatrixConfig(tmp_path / "faults.jsonl", only="^(image|depth)_silent$")
+    monkeypatch.setattr(fault_matrix, "make_bundle", lambda folder, lists, sightings: sightings)
+    only = "^(image|depth|detections)_silent$"
+    config = fault_matrix.MatrixConfig(tmp_path / "faults.jsonl", only=only)
     fault_matrix.measure(config)
-    assert asked == [(False, {"image_silent"}), (True, {"depth_silent"})]
+    assert asked == [
+        ("", False, {"image_silent"}), ("depth", False, {"depth_silent"}),
+        ("detector", True, {"detections_silent"}),
+    ]  # fmt: skip
     for depth in (False, True):
         mock = GraphConfig("kitchen:1", tmp_path, depth=depth).parts[0]
         assert mock.parameters.get("depth", False) is depth

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cfnav_ros.drive.episode import Episode
-from cfnav_ros.drive.inputs import NAMES, AgeLimits, SensorInputs, input_complaint, needed
+from cfnav_ros.drive.inputs import AgeLimits, SensorInputs, input_complaint, name_of, needed
 from cfnav_ros.drive.watch import forbids
 from cfnav_ros.robot.stamps import NEVER
 
@@ -124,7 +124,7 @@ def input_reports(
             complaint = inputs.picture.fault or inputs.picture.waiting
         stamp = inputs.stamps[name]
         yield Report(
-            NAMES[name],
+            name_of(name, inputs),
             Level.ERROR if complaint else Level.OK,
             complaint or "arrives",
             {

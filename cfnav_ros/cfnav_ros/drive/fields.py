@@ -6,10 +6,12 @@ Pure: a message is anything with the fields of its type, whoever has deserialize
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cfnav_core.perception.boxes import Box
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive.inputs import Bumper, StampedEstimate, Tilt
 from cfnav_ros.drive.motion import Odometry
@@ -105,6 +107,61 @@ def pinhole_from_message(message: Any) -> Pinhole:
     fx, _, cx, _, fy, cy = (float(number) for number in message.k[:6])
     size = int(message.width), int(message.height)
     return Pinhole(fx, fy, cx, cy, *size, message.header.frame_id)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a detector says of one thing.
+
+    Attributes:
+        class_id: a number or a name, by its labels.
+        score: 0..1.
+        box: pixels of the picture that it was given.
+        distance: from the camera along the floor, metres; 0 where it says none.
+    """
+
+    class_id: str
+    score: float
+    box: Box
+    distance: float = 0.0
+
+
+MOST_DETECTIONS = 500
+"""Of a message; depthai's detectors and TensorFlow's give 100 at most, others 300."""
+
+
+def detections_from_message(message: Any) -> list[Told]:
+    """What a Detection2DArray or a Detection3DArray says, as depthai_ros_driver fills them.
+
+    Boxes of both are in pixels; of the second the positions of the results tell how far things
+    are, metres in the camera's optical frame. What has neither name nor extent says nothing.
+
+    Raises:
+        ValueError: too many of them, or numbers that make no sense; one sentence.
+    """
+    if len(message.detections) > MOST_DETECTIONS:
+        raise ValueError(
+            f"A message holds {len(message.detections)} detections, expected {MOST_DETECTIONS} at "
+            "most: raise the detector's least score."
+        )
+    told = []
+    for one in message.detections:
+        best = max(one.results, key=lambda result: result.hypothesis.score, default=None)
+        if best is None:
+            continue
+        size, at = getattr(one.bbox, "size", None), best.pose.pose.position
+        wide, high = (size.x, size.y) if size else (one.bbox.size_x, one.bbox.size_y)
+        middle, score = one.bbox.center.position, best.hypothesis.score
+        if not all(map(math.isfinite, (middle.x, middle.y, wide, high, at.x, at.z))):
+            raise ValueError("A detection holds a number that is not finite.")
+        if not 0.0 <= score <= 1.0:
+            raise ValueError(f"A detection's score is {score:g}, expected 0 to 1.")
+        if wide <= 0 or high <= 0:
+            continue
+        box = middle.x - wide / 2, middle.y - high / 2, middle.x + wide / 2, middle.y + high / 2
+        far = math.hypot(at.x, at.z) if size and at.z > 0 else 0.0
+        told.append(Told(best.hypothesis.class_id, score, box, far))
+    return told
 
 
 def charge_from_message(message: Any) -> float:

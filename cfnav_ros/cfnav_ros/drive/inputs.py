@@ -10,16 +10,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from cfnav_core.robot.settings import setting
 from cfnav_ros.drive.motion import Odometry
 from cfnav_ros.drive.preflight import BaseCheck
 from cfnav_ros.lidar.estimate import Estimate, blind
 from cfnav_ros.robot.stamps import FUTURE_S, NEVER, NEVER_NS, OTHER_TIME_S, seconds
 
+PICTURE, DETECTIONS = "picture", "word of the detector"
+"""What a policy looks at: pictures, or what a detector says of them."""
 
-def _no_picture(_: int = 1) -> np.ndarray:
+
+def _no_picture(_: int = 1) -> Any:
     raise ValueError("No picture has arrived.")
 
 
@@ -27,13 +28,14 @@ def _no_picture(_: int = 1) -> np.ndarray:
 class CameraFrame:
     """A picture; ``decode`` gives uint8 [H, W, 3] RGB or raises ValueError with one sentence.
 
+    For a policy that reads sightings it is what a detector said of one, and ``decode`` gives those.
     ``decode(n)`` gives every n-th row and column only. ``height`` and ``width`` are in pixels;
     ``data`` are its bytes, for comparison only; ``fault`` is one sentence when it is known to be no
     picture without decoding it.
     """
 
     stamp_ns: int = NEVER_NS
-    decode: Callable[..., np.ndarray] = _no_picture
+    decode: Callable[..., Any] = _no_picture
     height: int = 0
     width: int = 0
     data: Any = None
@@ -83,6 +85,7 @@ class SensorInputs:
     Attributes:
         base: who listens on cmd_vel.
         frame: newest picture; ``picture`` is what is wrong with it.
+        view: what the frame is called, ``PICTURE`` or ``DETECTIONS``.
         estimate: newest collision estimate.
         odometry: newest pose and velocity.
         tilt: newest tilt of the camera.
@@ -99,6 +102,7 @@ class SensorInputs:
     base: BaseCheck = BaseCheck(waiting="Nobody has looked for a robot yet.")  # noqa: RUF009
     frame: CameraFrame = field(default_factory=CameraFrame)
     picture: PictureCheck = field(default_factory=PictureCheck)
+    view: str = PICTURE
     estimate: StampedEstimate = field(default_factory=StampedEstimate)
     odometry: Odometry = field(default_factory=lambda: Odometry(NEVER, 0.0, 0.0, 0.0))
     tilt: Tilt = field(default_factory=Tilt)
@@ -138,11 +142,16 @@ class AgeLimits:
 
 
 NAMES = {
-    "frame": "picture",
+    "frame": PICTURE,
     "odometry": "odometry",
     "estimate": "collision estimate",
     "tilt": "camera tilt",
 }
+
+
+def name_of(field_name: str, inputs: SensorInputs) -> str:
+    """What an input with an age is called."""
+    return inputs.view if field_name == "frame" else NAMES[field_name]
 
 
 OTHER_CLOCK = {"frame": "its driver read a wrong clock when it started: start the driver again"}
@@ -193,7 +202,7 @@ def input_complaint(t: float, inputs: SensorInputs, field_name: str, limit: floa
 
 
 def _age_complaint(t: float, inputs: SensorInputs, field_name: str, limit: float) -> str:
-    name, stamp = NAMES[field_name], inputs.stamps[field_name]
+    name, stamp = name_of(field_name, inputs), inputs.stamps[field_name]
     arrived = inputs.arrived.get(field_name, stamp)
     made = inputs.made(field_name)
     other_clock = OTHER_CLOCK.get(field_name, "the clock of its sender is not this computer's")

@@ -31,6 +31,7 @@ class Moment:
 
     stamp_ns: int
     image_ns: int = 0
+    """Of what the policy looks at: the picture, or what a detector says."""
     scan_ns: int = 0
     odometry_ns: int = 0
 

@@ -9,6 +9,8 @@ from typing import Literal
 from cfnav_core.robot.robot import CMD_VEL_TYPES, Robot, robot_setting
 from cfnav_core.robot.settings import setting
 from cfnav_core.task.p_hat import SOURCES
+from cfnav_ros.drive.detection_watch import DetectionSettings
+from cfnav_ros.drive.inputs import PICTURE
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import MotionLimits
 
@@ -53,6 +55,7 @@ class PolicyParameters:
         0.0,
         60.0,
     )
+    detections: DetectionSettings = field(default_factory=DetectionSettings)
     episode: EpisodeLimits = field(default_factory=EpisodeLimits)
 
     @classmethod
@@ -75,22 +78,40 @@ class PolicyParameters:
         if self.backend not in ("onnx", "torch"):
             raise ValueError(f"backend is {self.backend!r}, expected onnx or torch.")
 
+    def check_suits(self, bundle: str, reads_sightings: bool) -> None:
+        """Whether a bundle can be driven so.
+
+        Args:
+            bundle: its name.
+            reads_sightings: and sees no picture.
+
+        Raises:
+            ValueError: its own predictor is asked for, and it sees none; one sentence.
+        """
+        if reads_sightings and "own" in SOURCES[self.episode.p_hat_kind].needs:
+            raise ValueError(
+                f"episode.p_hat is {self.episode.p_hat!r}, but bundle {bundle} reads detections "
+                "and sees no pictures, from which its predictor learnt: set episode.p_hat to lidar."
+            )
+
     def announcement(
-        self, bundle: str, goals: Sequence[str], image_topic: str, velocity_topic: str
+        self, bundle: str, goals: Sequence[str], view: str, view_topic: str, velocity_topic: str
     ) -> str:
         """What the node says of itself at its start: which bundle drives, and by what.
 
         Args:
             bundle: its name.
             goals: names that it can look for.
-            image_topic: resolved name of the pictures' topic.
+            view: what it looks at, ``inputs.PICTURE`` or ``DETECTIONS``.
+            view_topic: resolved name of their topic.
             velocity_topic: the same of the velocities'.
         """
         probability = SOURCES[self.episode.p_hat_kind].comes_from
         veto = "on" if self.episode.veto else "off"
         drawn = "" if self.sample_seed < 0 else f", actions drawn with seed {self.sample_seed}"
         return (
-            f"Bundle {bundle} drives, run by {self.backend}{drawn}. Pictures from {image_topic}, "
+            f"Bundle {bundle} drives, run by {self.backend}{drawn}. "
+            f"{'Pictures' if view == PICTURE else 'Detections'} from {view_topic}, "
             f"collision probability from {probability}, LiDAR veto {veto}, velocities to "
             f"{velocity_topic}. Goals: {', '.join(goals)}."
         )

@@ -70,6 +70,9 @@ class DemoConfig:
     camera: str = "mast"
     """Camera of the robot: mast, which tilts, stock_preview, stock_wide or lite, as sold, which do
     not, or a JSON file like a scene's camera."""
+    detector: str = "shipped"
+    """Errors of the detector on board, where the bundle reads what one says: shipped, or a file
+    (python -m studies.eyes.errors)."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
     report: bool = True
@@ -101,7 +104,7 @@ def known_goals(config: DemoConfig) -> tuple[str, ...]:
     """
     head = BundleHead.load(config.drives)
     camera = CameraSetUp.read(config.camera)
-    if head.camera and str(head.camera) != str(camera):
+    if head.camera and not head.reads_sightings and str(head.camera) != str(camera):
         print(f"bundle {head.name} learnt from a camera of {head.camera}; the robot's is {camera}")
     if unknown := set(parse_list(config.goals)) - set(head.goals):
         raise GraphError(
@@ -208,6 +211,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             domain=config.domain,
             bag=bag,
             camera=config.camera,
+            detector=config.detector,
         )
         with RosGraph(graph_config) as graph:
             run_trials(graph, config, known, lambda _, outcome: live.append(outcome))

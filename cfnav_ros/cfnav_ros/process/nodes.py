@@ -34,7 +34,7 @@ NODES: dict[str, NodeKind] = {
         "sim_bridge",
         (
             "robot", "room", "seed", "speed", "faults", "camera", "visual_shift", "true_estimate",
-            "lock_step", "depth",
+            "lock_step", "depth", "detector",
         ),
     ),
     "lidar_collision_node": NodeKind("cfnav_ros", SHARED, "it comes back"),
@@ -42,7 +42,8 @@ NODES: dict[str, NodeKind] = {
         "cfnav_ros",
         (
             *SHARED, "bundle", "goal", "wait_for_recorder", "lock_step", "sample_seed",
-            "other_camera", "episode.veto", "episode.p_hat", "episode.command_lag",
+            "other_camera", "detections.labels", "episode.veto", "episode.p_hat",
+            "episode.command_lag",
         ),
     ),
     "markers_node": NodeKind("cfnav_ros", SHARED, "nothing"),

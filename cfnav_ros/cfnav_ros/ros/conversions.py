@@ -136,11 +136,11 @@ def endpoints(infos: Iterable[TopicEndpointInfo]) -> list[Endpoint]:
     return [Endpoint(info.node_name, info.topic_type) for info in infos]
 
 
-def moment_from_message(message: MomentMessage) -> Moment:
-    """A moment of a simulator in lock-step."""
+def moment_from_message(message: MomentMessage, of_detections: bool = False) -> Moment:
+    """A moment of a simulator in lock-step, for a policy that looks at pictures or detections."""
     return Moment(
         stamp_to_ns(message.stamp),
-        stamp_to_ns(message.image),
+        stamp_to_ns(message.detections if of_detections else message.image),
         stamp_to_ns(message.scan),
         stamp_to_ns(message.odometry),
     )

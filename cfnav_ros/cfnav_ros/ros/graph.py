@@ -83,6 +83,8 @@ class GraphConfig:
             the simulator knows, which then speaks in place of the LiDAR node.
         sample_seed: the policy draws its actions with this seed; argmax when None.
         visual_shift: of the pictures against those of training, 0 to 1.
+        detector: errors of the detector that is on board where the bundle reads what one says:
+            shipped, or a file of them.
         track: whether ``RosGraph.track`` follows the true path of each episode.
     """
 
@@ -100,6 +102,7 @@ class GraphConfig:
     p_hat: PHat = "lidar"
     sample_seed: int | None = None
     visual_shift: float = 0.0
+    detector: str = "shipped"
     track: bool = False
 
     @property
@@ -119,7 +122,9 @@ class GraphConfig:
         lidar = [] if told else ["lidar_collision_node"]
         # What this machine takes for a command is as many times longer in simulated time.
         lag = min(EpisodeLimits().command_lag * self.speed, 10.0) if self.speed > 1 else None
-        other = BundleHead.load(self.drives).camera != CameraSetUp.read(self.camera)
+        head = BundleHead.load(self.drives)
+        other = head.camera != CameraSetUp.read(self.camera)
+        sightings = head.reads_sightings
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),
             "camera": self.camera, "depth": self.depth or None,
@@ -128,7 +133,8 @@ class GraphConfig:
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
             "episode.command_lag": lag,
             "sample_seed": self.sample_seed, "other_camera": other or None,
-            "bundle": self.drives,
+            "bundle": self.drives, "detector": self.detector if sightings else None,
+            "detections.labels": "cfnav" if sightings else None,
         }  # fmt: skip
         return parts(["mock_turtlebot4", *lidar, "policy_node"], given)
 

@@ -11,7 +11,7 @@ from rclpy.clock import Clock, ClockType
 
 from cfnav_core.robot.topics import TOPICS
 from cfnav_ros.drive.episode import Episode
-from cfnav_ros.drive.inputs import SensorInputs
+from cfnav_ros.drive.inputs import DETECTIONS, SensorInputs
 from cfnav_ros.drive.lock_step import LOST_S, Answer, LockStep
 from cfnav_ros.drive.motion import STOP
 from cfnav_ros.drive.phases import Phase
@@ -90,7 +90,8 @@ class Moments:
             self._tell(step.repeat(real))
 
     def _on_moment(self, message: Moment) -> None:
-        self._lock_step.begin(conversions.moment_from_message(message))
+        of_detections = self._node.senses.inputs.view == DETECTIONS
+        self._lock_step.begin(conversions.moment_from_message(message, of_detections))
         self.wake()
 
     def _act(self) -> None:

@@ -70,6 +70,7 @@ class PolicyNode(Node):
         settings = self._settings = declare(self, PolicyParameters.of(robot), self._adopt)
         sample_seed = None if settings.sample_seed < 0 else settings.sample_seed
         self._policy = Policy.load(settings.bundle, settings.backend, sample_seed)
+        settings.check_suits(self._policy.name, self._policy.reads_sightings)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._inferences = Stopwatch()
         self.episode: Episode | None = None
@@ -89,7 +90,11 @@ class PolicyNode(Node):
         self.goals = Goals(self, self._begin, self._preempt, self._tell_unserved)
         self.get_logger().info(
             settings.announcement(
-                self._policy.name, self._policy.goals, self.senses.image_topic, self.velocity.topic
+                self._policy.name,
+                self._policy.goals,
+                self.senses.inputs.view,
+                self.senses.view_topic,
+                self.velocity.topic,
             )
         )
         if settings.goal:

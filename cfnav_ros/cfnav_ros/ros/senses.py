@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,14 +13,23 @@ from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, WheelStatu
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image, JointState
+from sensor_msgs.msg import (
+    BatteryState,
+    CameraInfo,
+    CompressedImage,
+    Image,
+    JointState,
+    LaserScan,
+)
 
 from cfnav_core.policy.policy import Policy
 from cfnav_core.robot.robot import Robot
+from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive import fields
 from cfnav_ros.drive.camera_watch import CameraWatch
+from cfnav_ros.drive.detection_watch import DetectionWatch
 from cfnav_ros.drive.diagnostics import STATUSES, Rate
-from cfnav_ros.drive.inputs import CameraFrame, SensorInputs, needed
+from cfnav_ros.drive.inputs import DETECTIONS, CameraFrame, PictureCheck, SensorInputs, needed
 from cfnav_ros.drive.picture_watch import PictureWatch
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import BaseCheck, explain_silence, relatives
@@ -55,15 +65,21 @@ class Senses:
         self.heard: set[str] = set()
         """Fields of ``SensorInputs`` and ``diagnostics.STATUSES`` of which a message has come."""
         self._pictures = PictureWatch(policy.check_size, settings.frozen_picture_time)
+        self._detections: DetectionWatch | None = None
+        if policy.reads_sightings:
+            self._detections = self._watch_detections(policy, robot)
+            self.inputs = replace(self.inputs, view=DETECTIONS)
         newest = qos_profile_sensor_data
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
         if settings.lock_step:  # nothing may be lost: the simulator waits until all has come
             newest = only_newest = QoSProfile(depth=10)
         self._listeners: dict[str, Listener] = {}
         """By field of ``SensorInputs``, or by the name that the thing has in ``STATUSES``."""
-        picture = message_type(robot.topics["image"].type)
+        view = "detections" if policy.reads_sightings else "image"
+        on_view = self._on_detections if policy.reads_sightings else self._on_image
+        kind_of_view = message_type(robot.topics[view].type)
         for heard, role, kind, act, qos in (
-            ("frame", "image", picture, self._on_image, only_newest),
+            ("frame", view, kind_of_view, on_view, only_newest),
             ("estimate", "estimate", CollisionEstimate, self._on_estimate, 5),
             ("odometry", "odom", Odometry, self._on_odometry, newest),
             ("tilt", "joint_states", JointState, self._on_joints, newest),
@@ -86,15 +102,35 @@ class Senses:
         }
         if scan := robot.topics.get("scan"):
             self._guarded["scan"] = OneSpeaker(node.resolve_topic_name(scan.name), scan.type)
+            if self._detections and settings.detections.far_by == "lidar":
+                node.create_subscription(LaserScan, scan.name, self._on_scan, newest)
         info = robot.topics.get("camera_info")
         self._camera = CameraWatch(policy.camera, info is not None, settings.other_camera)
         if info:
             node.create_subscription(CameraInfo, info.name, self._on_camera, newest)
         self._rates = {name: Rate() for name in self._listeners if name not in STATUSES}
 
+    def _watch_detections(self, policy: Policy, robot: Robot) -> DetectionWatch:
+        settings = self._settings
+        if "detections" not in robot.topics:
+            raise ValueError(
+                f"The robot {robot.name} has no topic for detections, which bundle {policy.name} "
+                "reads: name one in its file."
+            )
+        if settings.detections.far_by == "lidar" and robot.lidar.mount == "tf":
+            raise ValueError(
+                "detections.far_by is lidar, but the robot's file leaves where that sits to TF: "
+                "say it there, or set detections.far_by to size."
+            )
+        told = "camera_info" in robot.topics or policy.camera is None
+        camera = None if told else Pinhole.of(policy.camera)  # type: ignore[arg-type]
+        return DetectionWatch(
+            settings.detections, camera, robot.lidar, robot.radius, settings.episode.ages.estimate
+        )
+
     @property
-    def image_topic(self) -> str:
-        """Resolved name of the pictures' topic."""
+    def view_topic(self) -> str:
+        """Resolved name of the topic of pictures or detections."""
         return self._listeners["frame"].topic
 
     @property
@@ -212,9 +248,32 @@ class Senses:
     def _frame(self, message: Image | CompressedImage) -> CameraFrame:
         return self._camera.see(conversions.frame_from_message(message))
 
+    def _on_detections(self, message: Any) -> None:
+        if not self._take("frame", self._sightings, message):
+            return
+        fault = self.inputs.frame.fault
+        self.inputs = replace(self.inputs, picture=PictureCheck(fault=fault))
+        self._wake()
+
+    def _sightings(self, message: Any) -> CameraFrame:
+        assert self._detections is not None
+        angle = self.inputs.tilt.angle
+        return self._detections.see(
+            fields.stamp_to_ns(message.header.stamp), fields.detections_from_message(message),
+            angle if math.isfinite(angle) else 0.0,
+        )  # fmt: skip
+
+    def _on_scan(self, message: LaserScan) -> None:
+        assert self._detections is not None
+        scan = fields.scan_from_message(message)
+        self._detections.hear(fields.stamp_to_seconds(message.header.stamp), scan)
+
     def _on_camera(self, message: CameraInfo) -> None:
         self.heard.add("camera info")
-        self._camera.tell(fields.pinhole_from_message(message))
+        camera = fields.pinhole_from_message(message)
+        self._camera.tell(camera)
+        if self._detections:
+            self._detections.tell(camera)
 
     def _on_estimate(self, message: CollisionEstimate) -> None:
         self._take("estimate", fields.estimate_from_message, message)

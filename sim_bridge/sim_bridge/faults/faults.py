@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from sim_bridge.faults import picture_faults, scan_faults
+from sim_bridge.faults import detection_faults, picture_faults, scan_faults
 
 IMAGE, CAMERA_INFO = "image", "camera_info"
-DEPTH, DEPTH_INFO = "depth", "depth_info"
+DEPTH, DEPTH_INFO, DETECTIONS = "depth", "depth_info", "detections"
 SCAN, ODOM, TF, JOINTS = "scan", "odom", "tf", "joint_states"
 HAZARDS, WHEELS, DOCK = "hazards", "wheel_status", "dock_status"
 COMMANDS = "cmd_vel"
@@ -216,6 +216,7 @@ def _of(topics: tuple[str, ...], shapes: dict[str, Callable[[Any], None]]) -> di
 
 
 _CAMERA, _STEREO, _COUNTED = (IMAGE, CAMERA_INFO), (DEPTH, DEPTH_INFO), (ODOM, TF)
+_SAID = (DETECTIONS,)
 
 _SCAN = {
     "scan_silent": Fault((SCAN,), silent),
@@ -268,6 +269,16 @@ _DEPTH = {
     "depth_info_other": Fault((DEPTH_INFO,), changed(_half_size)),
 }
 """Nothing happens to a robot without a depth camera."""
+
+_DETECTIONS = {
+    "detections_silent": Fault(_SAID, silent),
+    "detections_late_2": Fault(_SAID, delay=2.0),
+    "detections_stamp_future": Fault(_SAID, shifted(FUTURE_S)),
+    "detections_stamp_back": Fault(_SAID, shifted(PAST_S)),
+    "detections_rival": Fault(),
+    **_of(_SAID, detection_faults.SHAPES),
+}
+"""Nothing happens to a robot without a detector."""
 
 _ODOMETRY = {
     "odom_silent": Fault(_COUNTED, silent),
@@ -322,6 +333,6 @@ _COMMAND = {
 _CLOCK = {"clock_stop": Fault(), "clock_ahead": Fault(), "clock_back": Fault()}
 
 FAULTS: dict[str, Fault] = {
-    **_SCAN, **_PICTURE, **_DEPTH, **_ODOMETRY, **_BASE, **_COMMAND, **_CLOCK,
+    **_SCAN, **_PICTURE, **_DEPTH, **_DETECTIONS, **_ODOMETRY, **_BASE, **_COMMAND, **_CLOCK,
 }  # fmt: skip
 """Every fault by name; those that hold alter a message in this order."""

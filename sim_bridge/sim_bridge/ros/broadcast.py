@@ -16,6 +16,7 @@ from sim_bridge.faults.faults import (
     CAMERA_INFO,
     DEPTH,
     DEPTH_INFO,
+    DETECTIONS,
     DOCK,
     HAZARDS,
     IMAGE,
@@ -47,6 +48,8 @@ from sim_bridge.ros.simulator_node import SimulatorNode
 from sim_bridge.ros.stage import SimulatorStage
 
 CAMERA_PERIOD = 1.0 / 15.0
+DETECTION_PERIOD, DETECTION_LATENCY = 1.0 / 7.5, 0.1
+"""Of a detector on a camera's chip: every other picture, and so much later than it."""
 DEPTH_PERIOD = 1.0 / 10.0
 """An OAK-D can 30 Hz, at 15 MB/s; a robot's driver is told to send fewer."""
 STATE_PERIOD = 1.0 / 20.0
@@ -107,6 +110,7 @@ class Broadcast:
             Every(STATE_PERIOD, self._state),
             Every(CAMERA_PERIOD, self._picture),
             *[Every(DEPTH_PERIOD, self._depth)] * parameters.depth,
+            *[Every(DETECTION_PERIOD, self._detections)] * bool(parameters.detector),
             Every(DOCK_PERIOD, self._dock),
             Every(BATTERY_PERIOD, self._battery),
         )
@@ -160,6 +164,7 @@ class Broadcast:
         if runs is not self._camera_runs:
             self._camera_runs = runs
             self._sent.pop(IMAGE, None)
+            self._sent.pop(DETECTIONS, None)
             self._robot.run_camera(runs)
 
     def mounts(self) -> None:
@@ -193,8 +198,10 @@ class Broadcast:
         if publisher is None or (not complete and t - self._restarted < PATIENCE_S):
             return None
         stamp = to_msg.stamp(self._now)
-        image, scan, odometry = (self._sent.get(topic, Time()) for topic in SENSORS)
-        publisher.publish(Moment(stamp=stamp, image=image, scan=scan, odometry=odometry))
+        topics = (*SENSORS, DETECTIONS)
+        image, scan, odom, said = (self._sent.get(topic, Time()) for topic in topics)
+        moment = Moment(stamp=stamp, image=image, scan=scan, odometry=odom, detections=said)
+        publisher.publish(moment)
         return stamp, publisher.get_subscription_count()
 
     def _send(self, topic: str, message: Any, latency: float = 0.0) -> None:
@@ -202,7 +209,7 @@ class Broadcast:
             return  # this robot has none
 
         def deliver(message: Any) -> None:
-            if self._robot.say(topic, message) and topic in SENSORS:
+            if self._robot.say(topic, message) and topic in (*SENSORS, DETECTIONS):
                 self._sent[topic] = message.header.stamp
 
         self.outbox.put(topic, message, deliver, self._simulator.time, latency)
@@ -254,6 +261,11 @@ class Broadcast:
         make = to_msg.compressed_image if self._packed else to_msg.image
         self._send(IMAGE, make(self._stage.picture(CAMERA_PERIOD), now), late)
         self._send(CAMERA_INFO, to_msg.camera_info(self._set_up, now), late)
+
+    def _detections(self) -> None:
+        if self._camera_runs:
+            found = self._stage.detections()
+            self._send(DETECTIONS, to_msg.detections(found, self._now), DETECTION_LATENCY)
 
     def _depth(self) -> None:
         if not self._camera_runs:

@@ -56,7 +56,14 @@ class Mock:
         )
         self.parameters = p = read_parameters(self.robot)
         described = p.described
-        self.robot.connect(described, p.clock == "simulated", p.set_up.tilts, p.lock_step, p.depth)
+        self.robot.connect(
+            described,
+            p.clock == "simulated",
+            p.set_up.tilts,
+            p.lock_step,
+            p.depth,
+            bool(p.detector),
+        )
         self.simulator_node = SimulatorNode(
             leave, self._start_episode, lambda _, response: self._stage.end_episode(response),
             self._set_fault, p.lock_step, p.true_estimate,

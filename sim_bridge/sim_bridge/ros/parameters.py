@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
+from cfnav_core.detect.errors import SHIPPED, ErrorModel
+from cfnav_core.detect.labels import load_labels
 from cfnav_core.robot.robot import Robot, load_robot, robot_setting
 from cfnav_core.robot.settings import leaves, setting, settled
 from cfnav_core.task.camera import CameraSetUp
@@ -44,6 +47,11 @@ class MockParameters:
     depth_down_deg: float = setting(
         0.0, "by which that camera looks down and is fixed; 0: it tilts with the other", 0.0, 90.0
     )
+    detector: str = setting(
+        "",
+        "errors of a detector that is on board: shipped, or a file of them; empty: there is none",
+    )
+    detector_labels: str = setting("cfnav", "by whose numbers it says what it knows")
     reflexes: bool = setting(True, "the base backs off by itself when it bumps into something")
     docked: bool = setting(False, "the robot starts on its dock, LiDAR and camera stopped")
     noise: float = setting(1.0, "scales the noise of sensors and wheels; 0 is none", 0.0, 10.0)
@@ -65,6 +73,10 @@ class MockParameters:
             raise ValueError(f"start is {list(self.start)}; expected [x, y, yaw] in m, m, rad.")
         if self.depth and "depth" not in self.described.topics:
             raise ValueError(f"depth is true, but the robot {self.described.name} has no depth.")
+        if self.detector and "detections" not in self.described.topics:
+            raise ValueError(f"detector is given, but the robot {self.described.name} has none.")
+        if self.detector:
+            self.errors, load_labels(self.detector_labels)
         if self.start and self.goal:
             raise ValueError("start and goal are both given; a goal draws its start from seed.")
         if self.clock not in ("simulated", "system"):
@@ -87,6 +99,11 @@ class MockParameters:
     def described(self) -> Robot:
         """The robot that it plays: its topics, frames and joints."""
         return load_robot(self.robot)
+
+    @property
+    def errors(self) -> ErrorModel:
+        """Of the detector that is on board."""
+        return ErrorModel.load(SHIPPED if self.detector == "shipped" else Path(self.detector))
 
     @property
     def stereo_set_up(self) -> CameraSetUp:

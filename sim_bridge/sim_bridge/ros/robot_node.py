@@ -32,6 +32,7 @@ from sim_bridge.faults.faults import (
     COMMANDS,
     DEPTH,
     DEPTH_INFO,
+    DETECTIONS,
     DOCK,
     HAZARDS,
     IMAGE,
@@ -49,10 +50,10 @@ SURE = QoSProfile(depth=10)
 
 SAID = (
     CLOCK, IMAGE, CAMERA_INFO, SCAN, ODOM, TF, TF_STATIC, JOINTS, HAZARDS, WHEELS, DOCK, BATTERY,
-    IMU, DEPTH, DEPTH_INFO,
+    IMU, DEPTH, DEPTH_INFO, DETECTIONS,
 )  # fmt: skip
 """Roles of what a robot publishes, as far as it has them."""
-CAMERA = {IMAGE, CAMERA_INFO, DEPTH, DEPTH_INFO}
+CAMERA = {IMAGE, CAMERA_INFO, DEPTH, DEPTH_INFO, DETECTIONS}
 """Those whose publishers live as long as the camera runs: depthai's driver makes new ones at each
 start (``Camera::stop`` clears its nodes, ``setupQueues`` makes them again). Source: depthai-ros,
 ``depthai_ros_driver/src/camera.cpp``."""
@@ -102,8 +103,9 @@ class RobotNode(Node):
         self._answered = self.create_guard_condition(self._take_answers)
 
     def connect(
-        self, robot: Robot, clock: bool, tilts: bool, lock_step: bool, depth: bool = False
-    ) -> None:
+        self, robot: Robot, clock: bool, tilts: bool, lock_step: bool, depth: bool = False,
+        detector: bool = False,
+    ) -> None:  # fmt: skip
         """Make the publishers and subscriptions.
 
         Args:
@@ -112,9 +114,13 @@ class RobotNode(Node):
             tilts: whether the camera obeys commands to its tilt.
             lock_step: commands are received reliably, or an episode would not repeat itself.
             depth: whether there is a stereo camera.
+            detector: whether there is a detector on board.
         """
         self._robot = robot
-        unsaid = {*[CLOCK] * (not clock), *(DEPTH, DEPTH_INFO) * (not depth)}
+        unsaid = {
+            *[CLOCK] * (not clock), *(DEPTH, DEPTH_INFO) * (not depth),
+            *[DETECTIONS] * (not detector),
+        }  # fmt: skip
         for role in SAID:
             if role in robot.topics and role not in unsaid:
                 self.out[role] = publisher(self, robot.topics[role])
@@ -266,6 +272,7 @@ def settle(goal: ServerGoalHandle, name: str, done: bool, docked: bool) -> Any:
 RIVALS = {
     "scan_rival": SCAN, "cmd_rival": COMMANDS, "estimate_rival": "estimate", "image_rival": IMAGE,
     "odom_rival": ODOM, "hazards_rival": HAZARDS, "depth_rival": DEPTH,
+    "detections_rival": DETECTIONS,
 }  # fmt: skip
 """The role of what a rival publishes, by the fault that brings it."""
 

@@ -17,12 +17,14 @@ from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 from sim_bridge.robot.noise import Noise, NoiseLevels
 from sim_bridge.robot.simulator import Simulator
 from sim_bridge.room.room import generate_room, parse_room
+from sim_bridge.ros.detector import Detector
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.grid import start_episode, state_grid
 from sim_bridge.world.visual_shift import shifted
 from sim_bridge.world.world import Pose, World
 
 if TYPE_CHECKING:
+    from cfnav_core.perception.boxes import Detection
     from sim_bridge.ros.parameters import MockParameters
 
 
@@ -44,6 +46,7 @@ class SimulatorStage:
         reflexes = parameters.reflexes and "hazards" in parameters.described.topics
         self.simulator = Simulator(world, self.noise, reflexes)
         self._seen: tuple[tuple, bool] = ((), False)
+        self._detector = Detector(parameters) if parameters.detector else None
 
     @property
     def world(self) -> World:
@@ -89,6 +92,8 @@ class SimulatorStage:
             self.close()
             self.camera, self._stereo = camera, depth
         self.noise.reseed(request.seed)
+        if self._detector:
+            self._detector.reseed(request.seed)
         return new_room
 
     def end_episode(self, response: Any) -> Any:
@@ -135,6 +140,11 @@ class SimulatorStage:
         fixed = pose if set_up.tilts else replace(pose, tilt=set_up.horizons[0])
         rgb, depth = self._stereo.depth(fixed)
         return self.noise.depth(depth, rgb)
+
+    def detections(self) -> list[tuple[int, Detection]]:
+        """What the detector on board says of what the camera sees now, with its numbers."""
+        assert self._detector is not None, "the parameter detector is empty"
+        return self._detector.says(self.camera, self.world.pose)
 
     def picture(self, dt: float) -> np.ndarray:
         """What the camera sees now, dt s after its last picture: uint8 [H, W, 3]."""

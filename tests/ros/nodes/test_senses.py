@@ -32,7 +32,7 @@ from cfnav_core.task.camera import MAST  # noqa: E402
 from tests.conftest import wait_until  # noqa: E402
 from tests.ros.own_node import OwnNode  # noqa: E402
 
-POLICY = SimpleNamespace(camera=MAST, check_size=BUILT_IN.check_size)
+POLICY = SimpleNamespace(camera=MAST, check_size=BUILT_IN.check_size, reads_sightings=False)
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_what_the_robot_has_not_is_not_missed(node):
     base = load_robot("differential")
     senses = Senses(node, POLICY, PolicyParameters.of(base), base, lambda: None)
     assert senses.unheard == {}
-    assert senses.image_topic == "/camera/image_raw"
+    assert senses.view_topic == "/camera/image_raw"
     mast = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
     assert mast.unheard["hazards"] == "/hazard_detection"
 

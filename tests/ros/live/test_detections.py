@@ -1,0 +1,76 @@
+"""A policy that reads what a detector says, on a live graph with the mock's detector on board."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
+pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
+pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
+
+from cfnav_interfaces.srv import SetFault  # noqa: E402
+from cfnav_ros.process.processes import GraphError  # noqa: E402
+from cfnav_ros.ros.graph import GraphConfig, RosGraph  # noqa: E402
+from rosbags.highlevel import AnyReader  # noqa: E402
+
+from cfnav_core.task.actions import Action  # noqa: E402
+from studies.deploy.bundles import make_bundle  # noqa: E402
+from studies.deploy.pool import NO_ERRORS  # noqa: E402
+
+ROOM = "bathroom:20"
+LISTS = {"Sink": [Action.RotateLeft, Action.MoveAhead, Action.RotateRight, Action.Done]}
+
+
+@pytest.fixture
+def graph(
+    tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[RosGraph]:
+    for name in ("ROS_DOMAIN_ID", "ROS_LOG_DIR"):  # the graph sets them
+        monkeypatch.setenv(name, os.environ.get(name, ""))
+    config = GraphConfig(
+        ROOM, tmp_path / "logs", speed=0, lock_step=True, domain=ros_domain_id,
+        bundle=make_bundle(tmp_path, LISTS, reads_sightings=True), camera="mast",
+        bag=tmp_path / "bag", detector=str(NO_ERRORS),
+    )  # fmt: skip
+    with RosGraph(config) as graph:
+        yield graph
+
+
+def fault(graph: RosGraph, name: str, active: bool) -> None:
+    client = graph.node.create_client(SetFault, "simulator/set_fault")
+    client.wait_for_service()
+    assert graph.call(client, SetFault.Request(fault=name, active=active), "the fault").ok
+
+
+def test_it_drives_by_what_the_detector_says_and_not_when_that_means_nothing(
+    graph: RosGraph, tmp_path: Path
+) -> None:
+    assert graph.start_episode(ROOM, "Sink", 0).ok
+    outcome = graph.run_episode(ROOM, "Sink")
+    assert (outcome.outcome, outcome.steps) == ("done", len(LISTS["Sink"]))
+
+    fault(graph, "detections_other_labels", True)
+    assert graph.start_episode(ROOM, "Sink", 0).ok
+    with pytest.raises(GraphError, match="refused the goal 'Sink': found the class '9999'"):
+        graph.run_episode(ROOM, "Sink")
+
+    graph.close(keep_bag=True)
+    stamps: dict[str, list[int]] = {"/detections": [], "/policy/decision": []}
+    with AnyReader([tmp_path / "bag"]) as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic in stamps:
+                message = reader.deserialize(data, connection.msgtype)
+                decides = connection.topic == "/policy/decision"
+                of = message.image_stamp if decides else message.header.stamp
+                stamps[connection.topic].append(of.sec * 10**9 + of.nanosec)
+                if not decides and "9999" not in str(message.detections[:1]):
+                    ids = [one.results[0].hypothesis.class_id for one in message.detections]
+                    assert all(0 <= int(number) < 38 for number in ids)
+    assert len(stamps["/policy/decision"]) == len(LISTS["Sink"])
+    assert set(stamps["/policy/decision"]) <= set(stamps["/detections"])
