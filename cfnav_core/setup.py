@@ -17,6 +17,7 @@ setup(
             "perception/*.md",
             "perception/NOTICE",
             "words/*.safetensors",
+            "detect/*.yaml",
             "detect/labels/*.yaml",
             "robot/robots/*.yaml",
         ]

@@ -18,9 +18,10 @@ from rosbags.rosbag2.enums import CompressionFormat
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[2]
-STORE = typestore_with(
-    [ROOT / "ros_ws/src/cfnav_interfaces", ROOT / "ros_ws/fallback/irobot_create_msgs"]
-)
+STORE = typestore_with([
+    ROOT / "ros_ws/src/cfnav_interfaces", ROOT / "ros_ws/fallback/irobot_create_msgs",
+    ROOT / "ros_ws/fallback/vision_msgs",
+])  # fmt: skip
 S = 1_000_000_000
 ZERO_NS = 1_700_000_000 * S
 """When the drive begins."""
@@ -158,6 +159,19 @@ def frames(ns: int, child: str) -> Any:
     return make("tf2_msgs/msg/TFMessage", transforms=[stamped])
 
 
+def detections(ns: int, class_id: str = "41") -> Any:
+    """A detector's word of one thing in the upper left of the picture."""
+    kinds = "vision_msgs/msg/"
+    said = make(f"{kinds}ObjectHypothesis", class_id=class_id, score=0.8)
+    middle = make(f"{kinds}Pose2D", position=make(f"{kinds}Point2D", x=20.0, y=20.0))
+    one = make(
+        f"{kinds}Detection2D",
+        results=[make(f"{kinds}ObjectHypothesisWithPose", hypothesis=said)],
+        bbox=make(f"{kinds}BoundingBox2D", center=middle, size_x=10.0, size_y=10.0),
+    )
+    return make(f"{kinds}Detection2DArray", header=header(ns), detections=[one])
+
+
 def estimate(ns: int, probability: float) -> Any:
     return make(
         "cfnav_interfaces/msg/CollisionEstimate",
@@ -248,6 +262,7 @@ def drive(seconds: float = 2.0, namespace: str = "") -> list[Message]:
         say("clock", t, make("rosgraph_msgs/msg/Clock", clock=stamp(t)))
         say("oakd/rgb/preview/image_raw", t + 1000, image(t, n))
         say("oakd/rgb/preview/camera_info", t + 2000, camera_info(t))
+        say("detections", t + 2500, detections(t))
         say("scan", t + 3000, scan(t, 1.0 + x))
         say("collision/estimate", t + 4000, estimate(t, n / 100))
         say("odom", t + 5000, odometry(t, x, n / 10))

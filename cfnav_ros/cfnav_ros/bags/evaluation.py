@@ -14,8 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from cfnav_core.policy.policy import Policy
+from cfnav_core.robot.robot import Robot
 from cfnav_ros.bags.files.decode import TILT_JOINT
-from cfnav_ros.bags.files.events import Bumps, Event, Joint, Judged, LaserTurn, Picture, Pose
+from cfnav_ros.bags.files.events import (
+    Bumps,
+    Detected,
+    Event,
+    Joint,
+    Judged,
+    LaserTurn,
+    Picture,
+    Pose,
+)
 from cfnav_ros.bags.files.reading import Bag
 from cfnav_ros.bags.files.roles import Roles, assign, told
 from cfnav_ros.bags.film import Film
@@ -31,6 +41,7 @@ from cfnav_ros.bags.replay.estimates import Estimates
 from cfnav_ros.bags.replay.replay import Replay
 from cfnav_ros.bags.replay.step import LeftOut, ReplayStep, labelled
 from cfnav_ros.bags.scan_map import ScanMap
+from cfnav_ros.drive.detection_watch import DetectionSettings, watch_of
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.lidar.scan_watch import LidarParameters
 
@@ -42,6 +53,7 @@ ANOTHER = "--namespace {} judges another"
 
 STEADY: dict[str, type[Event]] = {
     "image": Picture,
+    "detections": Detected,
     "scan": LaserTurn,
     "odom": Pose,
     "joint_states": Joint,
@@ -61,7 +73,8 @@ class JudgeOptions:
         namespace: of the robot, where a bag holds several.
         rows: of an episodes file.
         lidar: of the LiDAR node; ``mount_given``: its mounting was set by somebody.
-        limits: of the policy node.
+        limits: of the policy node. detections: how it takes what a detector says.
+        robot: that drove.
         tilt_joint: name of the camera's tilt.
     """
 
@@ -72,6 +85,8 @@ class JudgeOptions:
     lidar: LidarParameters = field(default_factory=LidarParameters)
     mount_given: bool = False
     limits: EpisodeLimits = field(default_factory=EpisodeLimits)
+    detections: DetectionSettings = field(default_factory=DetectionSettings)
+    robot: Robot = field(default_factory=Robot)
     tilt_joint: str = TILT_JOINT
 
 
@@ -204,6 +219,7 @@ class _Work:
         self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
             self._policies, self._estimates, options.limits, infer=self._infer, bag=name,
+            words=watch_of(options.detections, options.robot, options.limits),
             look=self._film.add,
         )  # fmt: skip
         self._first_ns = self._last_ns = 0

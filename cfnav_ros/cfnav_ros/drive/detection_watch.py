@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -12,15 +13,23 @@ import numpy as np
 from cfnav_core.detect.labels import LabelMap, load_labels
 from cfnav_core.detect.sightings import Ranging, Sighting, by_ranges, by_size, known_sizes, sighted
 from cfnav_core.perception.boxes import Box, Detection
-from cfnav_core.robot.robot import Lidar
+from cfnav_core.robot.robot import Lidar, Robot
 from cfnav_core.robot.settings import setting
 from cfnav_core.task.pinhole import Pinhole
-from cfnav_ros.drive.fields import Told
+from cfnav_ros.drive.fields import Claim
 from cfnav_ros.drive.inputs import CameraFrame
+from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.lidar.returns import Mount, Scan
 from cfnav_ros.robot.stamps import seconds
 
+MOCK_LABELS = "cfnav"
+"""By whose numbers the mock's detector says what it knows."""
+
 FAR_BY = ("lidar", "size", "nothing")
+
+SETTLED_S, KEPT_SCANS = 0.1, 10
+"""A scan is asked about pictures this much later than it on, so that it has come whatever the order
+of messages is, and a recorded drive is judged as it was driven."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +64,7 @@ class DetectionWatch:
         camera: where nobody publishes ``camera_info``; None: it is waited for.
         lidar: where it sits.
         hull: radius of the robot, metres: nearer returns are its own parts.
-        scan_age: by which a scan may be older or younger than what it is asked about, seconds.
+        scan_age: by which a scan may be older than the picture that it is asked about, seconds.
 
     Raises:
         ValueError: there are no such labels.
@@ -72,7 +81,7 @@ class DetectionWatch:
         self.labels: LabelMap = load_labels(settings.labels)
         self._camera = self._sized(camera) if camera else None
         self._sizes = by_size(known_sizes())
-        self._scan: tuple[float, Ranging] = (-math.inf, _unknown)
+        self._scans: deque[tuple[float, Scan]] = deque(maxlen=KEPT_SCANS)
 
     def _sized(self, camera: Pinhole) -> Pinhole:
         wide, high = self._settings.width, self._settings.height
@@ -90,6 +99,9 @@ class DetectionWatch:
             stamp: node time, seconds.
             scan: of the robot's LiDAR.
         """
+        self._scans.append((stamp, scan))
+
+    def _by(self, scan: Scan) -> Ranging:
         ranges = scan.ranges
         usable = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
         angle = scan.angle_min + scan.angle_increment * np.flatnonzero(usable)
@@ -98,9 +110,9 @@ class DetectionWatch:
         y = self._mount.y + ranges[usable] * np.sin(bearing)
         away = np.hypot(x, y)
         other = away > self._hull
-        self._scan = stamp, by_ranges(np.arctan2(y, x)[other], away[other])
+        return by_ranges(np.arctan2(y, x)[other], away[other])
 
-    def see(self, stamp_ns: int, told: Sequence[Told], tilt: float) -> CameraFrame:
+    def see(self, stamp_ns: int, told: Sequence[Claim], tilt: float) -> CameraFrame:
         """What a policy looks at.
 
         Args:
@@ -130,16 +142,25 @@ class DetectionWatch:
         )
         return CameraFrame(stamp_ns, lambda every=1: known, *size)
 
-    def _found(self, one: Told, camera: Pinhole) -> Detection:
+    def _found(self, one: Claim, camera: Pinhole) -> Detection:
         box = _within(one.box, camera)
         return Detection(self.labels.category(one.class_id), one.score, box)
 
     def _ranging(self, stamp: float) -> Ranging:
         by = self._settings.far_by
-        scanned, ranging = self._scan
-        if by == "lidar" and abs(stamp - scanned) <= self._scan_age:
-            return ranging
+        if by == "lidar":
+            ages = [(stamp - scanned, scan) for scanned, scan in self._scans]
+            for age, scan in sorted(ages, key=lambda pair: pair[0]):
+                if SETTLED_S <= age <= self._scan_age:
+                    return self._by(scan)
         return self._sizes if by == "size" else _unknown
+
+
+def watch_of(
+    settings: DetectionSettings, robot: Robot, limits: EpisodeLimits, camera: Pinhole | None = None
+) -> DetectionWatch:
+    """The watch of a robot; ``camera``: see there."""
+    return DetectionWatch(settings, camera, robot.lidar, robot.radius, limits.ages.estimate)
 
 
 def _unknown(_: Sighting) -> float:

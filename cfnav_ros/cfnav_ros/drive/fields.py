@@ -110,7 +110,7 @@ def pinhole_from_message(message: Any) -> Pinhole:
 
 
 @dataclass(frozen=True)
-class Told:
+class Claim:
     """What a detector says of one thing.
 
     Attributes:
@@ -130,7 +130,7 @@ MOST_DETECTIONS = 500
 """Of a message; depthai's detectors and TensorFlow's give 100 at most, others 300."""
 
 
-def detections_from_message(message: Any) -> list[Told]:
+def detections_from_message(message: Any) -> list[Claim]:
     """What a Detection2DArray or a Detection3DArray says, as depthai_ros_driver fills them.
 
     Boxes of both are in pixels; of the second the positions of the results tell how far things
@@ -160,7 +160,7 @@ def detections_from_message(message: Any) -> list[Told]:
             continue
         box = middle.x - wide / 2, middle.y - high / 2, middle.x + wide / 2, middle.y + high / 2
         far = math.hypot(at.x, at.z) if size and at.z > 0 else 0.0
-        told.append(Told(best.hypothesis.class_id, score, box, far))
+        told.append(Claim(best.hypothesis.class_id, score, box, far))
     return told
 
 

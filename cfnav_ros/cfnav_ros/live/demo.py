@@ -25,6 +25,7 @@ from cfnav_core.task.rooms import parse_room, type_of
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, evaluate
 from cfnav_ros.bags.files.finding import BagError
 from cfnav_ros.bags.judge.outcomes import live_outcome
+from cfnav_ros.drive.detection_watch import MOCK_LABELS, DetectionSettings
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.outcome import Outcome, agree, figures, table
 from cfnav_ros.live.plan import Trial, chosen_trials, drawn_trials, parse_list
@@ -257,7 +258,11 @@ def run_trial(graph: RosGraph, trial: Trial, max_steps: int = 0) -> Outcome:
 def _options(config: DemoConfig) -> JudgeOptions:
     """How the bag is judged: for the page, the bundle that drove is asked once more."""
     bundles = {BundleHead.load(config.drives).name: str(config.drives)} if config.report else {}
-    return JudgeOptions(bundles=bundles, limits=EpisodeLimits(veto=config.veto))
+    robot = load_robot(simulated(CameraSetUp.read(config.camera).tilts))
+    return JudgeOptions(
+        bundles=bundles, limits=EpisodeLimits(veto=config.veto), robot=robot,
+        detections=DetectionSettings(labels=MOCK_LABELS),
+    )  # fmt: skip
 
 
 def outcomes_of(evaluation: BagEvaluation) -> list[Outcome]:

@@ -213,7 +213,7 @@ def options_of(config: BagEvalConfig) -> JudgeOptions:
     return JudgeOptions(
         bundles=bundles, topics=names_of(told.robot) | topics, namespace=config.namespace,
         rows=rows, lidar=told.lidar, mount_given=told.mount_given, limits=told.policy.episode,
-        tilt_joint=told.policy.tilt_joint,
+        detections=told.policy.detections, robot=told.robot, tilt_joint=told.policy.tilt_joint,
     )  # fmt: skip
 
 

@@ -37,6 +37,7 @@ from cfnav_core.robot.topics import TOPICS
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.p_hat import SOURCES, PHat
 from cfnav_core.task.vocabulary import CATEGORIES
+from cfnav_ros.drive.detection_watch import MOCK_LABELS
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.outcome import Outcome
 from cfnav_ros.process.domains import Domain
@@ -134,7 +135,7 @@ class GraphConfig:
             "episode.command_lag": lag,
             "sample_seed": self.sample_seed, "other_camera": other or None,
             "bundle": self.drives, "detector": self.detector if sightings else None,
-            "detections.labels": "cfnav" if sightings else None,
+            "detections.labels": MOCK_LABELS if sightings else None,
         }  # fmt: skip
         return parts(["mock_turtlebot4", *lidar, "policy_node"], given)
 

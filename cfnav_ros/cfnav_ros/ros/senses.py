@@ -27,7 +27,7 @@ from cfnav_core.robot.robot import Robot
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive import fields
 from cfnav_ros.drive.camera_watch import CameraWatch
-from cfnav_ros.drive.detection_watch import DetectionWatch
+from cfnav_ros.drive.detection_watch import DetectionWatch, watch_of
 from cfnav_ros.drive.diagnostics import STATUSES, Rate
 from cfnav_ros.drive.inputs import DETECTIONS, CameraFrame, PictureCheck, SensorInputs, needed
 from cfnav_ros.drive.picture_watch import PictureWatch
@@ -124,9 +124,7 @@ class Senses:
             )
         told = "camera_info" in robot.topics or policy.camera is None
         camera = None if told else Pinhole.of(policy.camera)  # type: ignore[arg-type]
-        return DetectionWatch(
-            settings.detections, camera, robot.lidar, robot.radius, settings.episode.ages.estimate
-        )
+        return watch_of(settings.detections, robot, settings.episode, camera)
 
     @property
     def view_topic(self) -> str:

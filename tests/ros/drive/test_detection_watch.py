@@ -8,7 +8,7 @@ from types import SimpleNamespace as Of
 import numpy as np
 import pytest
 from cfnav_ros.drive.detection_watch import DetectionSettings, DetectionWatch
-from cfnav_ros.drive.fields import MOST_DETECTIONS, Told, detections_from_message
+from cfnav_ros.drive.fields import MOST_DETECTIONS, Claim, detections_from_message
 from cfnav_ros.lidar.returns import Scan
 
 from cfnav_core.detect.sightings import known_sizes
@@ -17,7 +17,7 @@ from cfnav_core.task.camera import CAMERAS
 from cfnav_core.task.pinhole import Pinhole
 
 WIDE = Pinhole.of(CAMERAS["stock_wide"])
-MIDDLE = Told("41", 0.8, (200.0, 100.0, 248.0, 152.0))
+MIDDLE = Claim("41", 0.8, (200.0, 100.0, 248.0, 152.0))
 NS = 5_000_000_000
 
 
@@ -26,7 +26,7 @@ def watch(camera: Pinhole | None = WIDE, lidar: Lidar | None = None, **said) -> 
     return DetectionWatch(settings, camera, lidar or load_robot("turtlebot4").lidar, 0.175, 0.5)
 
 
-def told_of(*detections, size=None) -> list[Told]:
+def told_of(*detections, size=None) -> list[Claim]:
     """By way of a message; each is class, score, centre, extent and, in 3D, a position."""
 
     def one(name, score, x, y, wide, high, at=(0.0, 0.0, 0.0)):
@@ -65,16 +65,16 @@ def test_depthais_detections_in_space_have_boxes_in_pixels_and_distances_in_metr
 def test_the_picture_of_the_detector_may_be_of_another_size() -> None:
     """A detector that is given 300x300 of what camera_info says are 250x250."""
     square = Pinhole.of(CAMERAS["stock_preview"])
-    (own,) = watch(square).see(NS, [Told("41", 0.8, (100, 75, 150, 125))], 0.0).decode()
+    (own,) = watch(square).see(NS, [Claim("41", 0.8, (100, 75, 150, 125))], 0.0).decode()
     larger = watch(square, width=300, height=300)
-    (other,) = larger.see(NS, [Told("41", 0.8, (120, 90, 180, 150))], 0.0).decode()
+    (other,) = larger.see(NS, [Claim("41", 0.8, (120, 90, 180, 150))], 0.0).decode()
     assert other == own
-    found = watch(square).see(NS, [Told("41", 0.8, (260, 90, 290, 150))], 0.0).fault
+    found = watch(square).see(NS, [Claim("41", 0.8, (260, 90, 290, 150))], 0.0).fault
     assert "picture of 250x250: set detections.width and height" in found
 
 
 def test_a_class_that_the_labels_lack_is_a_fault() -> None:
-    found = watch().see(NS, [MIDDLE, Told("9999", 0.8, MIDDLE.box)], 0.0).fault
+    found = watch().see(NS, [MIDDLE, Claim("9999", 0.8, MIDDLE.box)], 0.0).fault
     assert "found the class '9999'" in found
 
 
@@ -113,7 +113,7 @@ def test_boxes_wait_for_camera_info_and_follow_it() -> None:
 
 
 def test_the_cameras_tilt_is_in_the_direction() -> None:
-    (one,) = watch().see(NS, [Told("41", 0.8, (200.0, 100.0, 248.0, 152.0))], -0.5).decode()
+    (one,) = watch().see(NS, [Claim("41", 0.8, (200.0, 100.0, 248.0, 152.0))], -0.5).decode()
     assert one.elevation == pytest.approx(-0.5, abs=1e-6)
 
 
@@ -138,7 +138,7 @@ def test_distance_by_the_lidar_is_what_stands_in_the_direction_of_the_box() -> N
     of.hear(NS * 1e-9 - 0.2, scan(ranges))
     (one,) = of.see(NS, [MIDDLE], 0.0).decode()
     assert one.distance == pytest.approx(1.2, abs=0.01)  # the laser sits 4 cm behind the middle
-    left = Told("41", 0.8, (10.0, 100.0, 50.0, 152.0))
+    left = Claim("41", 0.8, (10.0, 100.0, 50.0, 152.0))
     assert of.see(NS, [left], 0.0).decode()[0].distance == pytest.approx(3.0, abs=0.05)
     assert of.see(NS + 2_000_000_000, [MIDDLE], 0.0).decode()[0].distance == 0  # of long ago
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -15,13 +17,18 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
 
 from cfnav_interfaces.srv import SetFault  # noqa: E402
+from cfnav_ros.bags.evaluation import JudgeOptions, evaluate  # noqa: E402
+from cfnav_ros.drive.detection_watch import MOCK_LABELS, DetectionSettings  # noqa: E402
 from cfnav_ros.process.processes import GraphError  # noqa: E402
 from cfnav_ros.ros.graph import GraphConfig, RosGraph  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 
+from cfnav_core.learn.export import export_bundle  # noqa: E402
+from cfnav_core.robot.robot import load_robot  # noqa: E402
 from cfnav_core.task.actions import Action  # noqa: E402
 from studies.deploy.bundles import make_bundle  # noqa: E402
 from studies.deploy.pool import NO_ERRORS  # noqa: E402
+from tests.core.model_samples import save_fresh  # noqa: E402
 
 ROOM = "bathroom:20"
 LISTS = {"Sink": [Action.RotateLeft, Action.MoveAhead, Action.RotateRight, Action.Done]}
@@ -74,3 +81,37 @@ def test_it_drives_by_what_the_detector_says_and_not_when_that_means_nothing(
                     assert all(0 <= int(number) < 38 for number in ids)
     assert len(stamps["/policy/decision"]) == len(LISTS["Sink"])
     assert set(stamps["/policy/decision"]) <= set(stamps["/detections"])
+
+
+def test_a_bag_with_detections_and_no_pictures_is_replayed(
+    tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("ROS_DOMAIN_ID", "ROS_LOG_DIR"):
+        monkeypatch.setenv(name, os.environ.get(name, ""))
+    checkpoint = save_fresh(tmp_path / "best.safetensors", "tdanet", None, ("Sink",))
+    export_bundle(checkpoint, None, tmp_path / "boxes", "boxes")
+    config = GraphConfig(
+        ROOM, tmp_path / "logs", speed=0, lock_step=True, domain=ros_domain_id,
+        bundle=tmp_path / "boxes", camera="mast", bag=tmp_path / "bag", sample_seed=1,
+        detector=str(NO_ERRORS),
+    )  # fmt: skip
+    with RosGraph(config) as graph:
+        assert graph.start_episode(ROOM, "Sink", 1).ok
+        steps = graph.run_episode(ROOM, "Sink", max_steps=8).steps
+    assert steps > 1
+    options = JudgeOptions(
+        bundles={"boxes": str(tmp_path / "boxes")}, topics={"image": "/none"},
+        robot=load_robot(), detections=DetectionSettings(labels=MOCK_LABELS),
+    )  # fmt: skip
+    judged = evaluate(config.bag, options)
+    (drive,) = judged.drives
+    assert "image" in judged.missing
+    assert len(drive.steps) == steps
+    for step in drive.steps:
+        np.testing.assert_allclose(step.probabilities, step.driven_probabilities, atol=1e-3)
+    assert max(step.detection_score for step in drive.steps) > 0
+
+    pictures = evaluate(config.bag, replace(options, bundles={"default": "default"}))
+    assert {left.reason for left in pictures.left_out} == {
+        "The policy failed: the bag holds no picture of this decision."
+    }

@@ -15,6 +15,7 @@ from cfnav_ros.bags.files.events import (
     Bumps,
     Calibrated,
     Decided,
+    Detected,
     Event,
     Frames,
     Joint,
@@ -32,6 +33,7 @@ from cfnav_ros.bags.files.events import (
 from cfnav_ros.bags.files.storage import BagTopic
 from cfnav_ros.drive.fields import (
     bump_zones,
+    detections_from_message,
     estimate_from_message,
     odometry_from_message,
     pinhole_from_message,
@@ -227,6 +229,9 @@ def _map(message: Any, about: dict[str, Any]) -> OccupancyMap:
 
 _EVENTS: dict[str, Callable[[Any, dict[str, Any]], Event | None]] = {
     "image": _picture,
+    "detections": lambda message, about: Detected(
+        claims=tuple(detections_from_message(message)), **about
+    ),
     "camera_info": lambda message, about: Calibrated(found=pinhole_from_message(message), **about),
     "scan": lambda message, about: LaserTurn(scan=scan_from_message(message), **about),
     "odom": _pose,

@@ -14,6 +14,7 @@ import numpy as np
 
 from cfnav_core.task.actions import Action
 from cfnav_core.task.pinhole import Pinhole
+from cfnav_ros.drive.fields import Claim
 from cfnav_ros.lidar.estimate import Estimate, Scan
 
 
@@ -37,6 +38,13 @@ class Picture(Event):
 
     data: bytes | memoryview | np.ndarray = field(repr=False)
     decode: Callable[[], np.ndarray] = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detected(Event):
+    """What a detector says of the picture with this stamp."""
+
+    claims: tuple[Claim, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from cfnav_core.robot.robot import Robot
-from cfnav_core.robot.topics import COMPRESSED, TOPICS, camera_info
+from cfnav_core.robot.topics import COMPRESSED, DETECTIONS_3D, TOPICS, camera_info
 from cfnav_ros.bags.files.robots import ROOT, SHARED, closeness, is_in, robot_of, robots_in
 from cfnav_ros.bags.files.storage import BagTopic
 
@@ -29,8 +29,8 @@ class Role:
 
 
 JUDGED = (
-    "image", "camera_info", "scan", "odom", "cmd_vel", "hazards", "joint_states", "tf", "tf_static",
-    "decision", "episode", "estimate", "truth", "map", "clock",
+    "image", "camera_info", "detections", "scan", "odom", "cmd_vel", "hazards", "joint_states",
+    "tf", "tf_static", "decision", "episode", "estimate", "truth", "map", "clock",
 )  # fmt: skip
 """Roles that the evaluation of a bag reads."""
 
@@ -41,6 +41,10 @@ ALSO_NAMED = {
         "image_raw/compressed", "image/compressed",
     ),
     "camera_info": ("rgb/preview/camera_info", "camera_info"),
+    "detections": (
+        "nn/detections", "nn/spatial_detections", "detections_output", "oakd/nn/detections",
+        "oakd/nn/spatial_detections",
+    ),
     "cmd_vel": ("cmd_vel_unstamped",),
     "map": ("map",),
 }  # fmt: skip
@@ -54,7 +58,7 @@ SOMETHING_ELSE = {"image": NO_COLOURS, "camera_info": NO_COLOURS, "map": ("costm
 def role_of(role: str, own: str = "") -> Role:
     """How a topic of the table is found in any bag; ``own`` is the name that a robot gives it."""
     topic = TOPICS[role]
-    other = COMPRESSED if role == "image" else topic.other_type
+    other = {"image": COMPRESSED, "detections": DETECTIONS_3D}.get(role, topic.other_type)
     names = (own, topic.name, *ALSO_NAMED.get(role, ()))
     return Role(
         types=(topic.type, other) if other else (topic.type,),

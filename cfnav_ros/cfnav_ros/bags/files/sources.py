@@ -39,8 +39,8 @@ class Offer:
 SENSORS: dict[str, Role] = {
     role: role_of(role)
     for role in (
-        "image", "camera_info", "scan", "odom", "hazards", "joint_states", "tf", "tf_static",
-        "wheel_status", "dock_status",
+        "image", "camera_info", "detections", "scan", "odom", "hazards", "joint_states", "tf",
+        "tf_static", "wheel_status", "dock_status",
     )
 }  # fmt: skip
 """What can be played: what a robot said, and nothing that it was told."""

@@ -12,23 +12,28 @@ bytes.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cfnav_core.perception.perception import Perceived
-from cfnav_core.policy.policy import Policy
+from cfnav_core.policy.policy import Policy, View
+from cfnav_core.robot.robot import Robot
 from cfnav_core.task.actions import Action
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.bags.files.events import (
     Bumps,
     Calibrated,
     Decided,
+    Detected,
     Event,
     Joint,
     Judged,
+    LaserTurn,
     Picture,
     Pose,
     Told,
@@ -40,12 +45,17 @@ from cfnav_ros.bags.replay.kept_pictures import KeptPictures
 from cfnav_ros.bags.replay.step import LeftOut, ReplayStep
 from cfnav_ros.bags.replay.view import ReplayView, view
 from cfnav_ros.drive.camera_watch import WHOLE, Crop, fitting
+from cfnav_ros.drive.detection_watch import DetectionSettings, DetectionWatch, watch_of
+from cfnav_ros.drive.inputs import DETECTIONS, PICTURE
 from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.robot.stamps import seconds
 
 WAIT_NS = 1_000_000_000
 """A picture or scan may be recorded so much later than the decision that was taken on it."""
 
 MOST_WAITING = 100
+
+NOTHING = Event(t_ns=0)
 
 
 @dataclass(frozen=True)
@@ -62,7 +72,9 @@ class _Moment:
 
     t_ns: int
     step: int
-    picture: Picture
+    picture: Picture | None
+    words: Picture | None
+    """What a detector said."""
     estimate: Judged | None
     newest: Judged | None
     driven: Action
@@ -96,6 +108,7 @@ class Replay:
         limits: EpisodeLimits | None = None,
         infer: bool = False,
         bag: str = "",
+        words: DetectionWatch | None = None,
         look: Callable[[int, int, np.ndarray], None] = lambda stamp_ns, t_ns, rgb: None,
     ) -> None:
         """Prepare.
@@ -107,6 +120,7 @@ class Replay:
                 decisions ask; recorded ones say so themselves). Its defaults when None.
             infer: the bag holds no decisions: infer the driven actions.
             bag: name of the bag.
+            words: makes sightings of what a detector says; those with the shipped defaults if None.
             look: shown each picture that is decided on: its stamp, the time of the decision, RGB.
         """
         self._look = look
@@ -116,8 +130,10 @@ class Replay:
         self._estimates, self._limits, self._bag = estimates, limits or EpisodeLimits(), bag
         self._node_time, self._now_ns = NodeTime(), 0
         self._clocks, self._t_ns = Clocks(), 0
-        self._pictures = KeptPictures()
+        self._pictures, self._words = KeptPictures(), KeptPictures()
+        self._watch = words or watch_of(DetectionSettings(), Robot(), self._limits)
         self._camera: Pinhole | None = None
+        self._tilt = 0.0
         self._waiting: deque[_Asked | Told] = deque()
         self._open: list[ReplayStep] = []
         self._lidar_said: list[float] = []
@@ -131,8 +147,15 @@ class Replay:
         self._now_ns, self._t_ns = self._node_time.at(event), self._clocks.time(event)
         if isinstance(event, Picture):
             self._pictures.add(event, self._now_ns)
+        elif isinstance(event, Detected):
+            self._words.add(self._said(event), self._now_ns)
         elif isinstance(event, Calibrated):
             self._camera = event.found
+            self._watch.tell(event.found)
+        elif isinstance(event, LaserTurn):
+            self._watch.hear(seconds(event.t_ns), event.scan)
+        elif isinstance(event, Joint):
+            self._tilt = event.angle
         elif isinstance(event, Told):
             self._waiting.append(replace(event, t_ns=self._t_ns))
         elif isinstance(event, Decided) and self._driven is None:
@@ -142,6 +165,23 @@ class Replay:
             self._settle(event.log_ns)
         if self._driven is not None and isinstance(event, Pose | Bumps | Joint):
             self._infer(self._driven.see(event))
+
+    def _said(self, event: Detected) -> Picture:
+        """What a detector says as the live node would take it, or why it would not."""
+        try:
+            frame = self._watch.see(event.t_ns, event.claims, self._tilt)
+            problem = frame.fault
+        except ValueError as error:
+            problem = str(error)
+
+        def decode() -> Any:
+            if problem:
+                raise ValueError(problem)
+            return frame.decode()
+
+        return Picture(
+            t_ns=event.t_ns, log_ns=event.log_ns, topic=event.topic, data=b"", decode=decode
+        )
 
     def begin(self, goal: str, t_ns: int, driver: str = "") -> None:
         """A drive begins; recorded starts do this by themselves.
@@ -197,15 +237,20 @@ class Replay:
 
     def _is_there(self, decided: Decided) -> bool:
         scanned = not decided.estimate_ns or self._estimates.made_from(decided.estimate_ns)
-        return bool(scanned) and self._pictures.get(decided.image_ns) is not None
+        looked_at = {self._kept_for(runner.policy) for runner in self._runners}
+        return bool(scanned) and all(kept.get(decided.image_ns) for kept in looked_at)
+
+    def _kept_for(self, policy: Policy) -> KeptPictures:
+        """Where what a policy looks at is kept."""
+        return self._words if policy.reads_sightings else self._pictures
 
     def _decide_again(self, asked: _Asked) -> None:
         decided = asked.decided
         self._close(decided.t_ns)
         self._follow_steps(decided)
-        picture = self._pictures.get(decided.image_ns)
+        picture, words = (kept.get(decided.image_ns) for kept in (self._pictures, self._words))
         estimate = self._estimate_of(decided)
-        if picture is None:
+        if picture is None and words is None:
             reason = f"The bag holds no picture stamped {_s(decided.image_ns)}."
             self._leave_out(decided.step, decided.t_ns, decided.action, reason)
         elif decided.estimate_ns and estimate is None:
@@ -213,8 +258,9 @@ class Replay:
             self._leave_out(decided.step, decided.t_ns, decided.action, reason)
         else:
             self._answer(_Moment(
-                decided.t_ns, decided.step, picture, estimate, asked.newest, decided.action,
-                decided.vetoed, decided.probabilities, decided.collision_probability,
+                decided.t_ns, decided.step, picture, words, estimate, asked.newest,
+                decided.action, decided.vetoed, decided.probabilities,
+                decided.collision_probability,
             ))  # fmt: skip
 
     def _follow_steps(self, decided: Decided) -> None:
@@ -244,7 +290,8 @@ class Replay:
             self._take_inferred(action)
         if self._goal and (driven or self._seen is None or self._driven.at_keyframe):
             newest = self._estimates.newest
-            self._seen = self._t_ns, view(self._now_ns, self._pictures, newest, self._limits)
+            kept = self._pictures if self._pictures.newest[1] else self._words
+            self._seen = self._t_ns, view(self._now_ns, kept, newest, self._limits)
 
     def _take_inferred(self, action: Action) -> None:
         if not self._goal or self._seen is None:
@@ -254,7 +301,9 @@ class Replay:
         if seen.picture is None or seen.complaint:
             self._leave_out(self._step, t_ns, action, seen.complaint)
             return
-        self._answer(_Moment(t_ns, self._step, seen.picture, seen.estimate, seen.estimate, action))
+        words, estimate = self._words.newest[1], seen.estimate
+        picture = seen.picture if self._pictures.newest[1] else None
+        self._answer(_Moment(t_ns, self._step, picture, words, estimate, estimate, action))
         self._close(self._t_ns)
 
     # Both
@@ -268,12 +317,14 @@ class Replay:
 
     def _answer(self, moment: _Moment) -> None:
         """Let every bundle decide, then tell it what was driven."""
+        rgb: np.ndarray | None = None
         try:
-            rgb = moment.picture.decode()
+            if moment.picture is not None:
+                rgb = moment.picture.decode()
+                self._look(moment.picture.t_ns, moment.t_ns, rgb)
         except ValueError as error:
             self._leave_out(moment.step, moment.t_ns, moment.driven, str(error))
             return
-        self._look(moment.picture.t_ns, moment.t_ns, rgb)
         looks: dict[tuple[str, Crop], Perceived] = {}
         judged = moment.estimate
         for runner in self._runners:
@@ -282,9 +333,10 @@ class Replay:
                 continue
             policy = runner.policy
             try:
-                seen = policy.perception, self._crop(policy)
+                crop = self._crop(policy)
+                seen = policy.perception, crop
                 if seen not in looks:
-                    looks[seen] = policy.look(seen[1].of(rgb))
+                    looks[seen] = policy.look(self._view_of(policy, moment, rgb, crop))
                 self._open.append(self._step_of(runner, looks[seen], moment))
             except ValueError as error:
                 runner.intact = False
@@ -292,6 +344,19 @@ class Replay:
             policy.executed(moment.driven)
         if judged:
             self._lidar_said.append(judged.estimate.probability)
+
+    def _view_of(self, policy: Policy, moment: _Moment, rgb: np.ndarray | None, crop: Crop) -> View:
+        """What a policy looks at.
+
+        Raises:
+            ValueError: it is not in the bag, or means nothing.
+        """
+        if policy.reads_sightings and moment.words:
+            return moment.words.decode()
+        if policy.reads_sightings or rgb is None:
+            wanted = DETECTIONS if policy.reads_sightings else PICTURE
+            raise ValueError(f"the bag holds no {wanted} of this decision")
+        return crop.of(rgb)
 
     def _crop(self, policy: Policy) -> Crop:
         """What the live node would show a policy of a picture; all where it would not drive."""
@@ -303,8 +368,8 @@ class Replay:
         self.left_out.append(LeftOut(bundle, self._drive_ns, moment.step, moment.t_ns, reason))
 
     def _step_of(self, runner: _Runner, seen: Perceived, moment: _Moment) -> ReplayStep:
-        judged = moment.estimate
-        p_hat_rgb = runner.policy.predict_collision(seen)
+        judged, blind = moment.estimate, runner.policy.reads_sightings
+        p_hat_rgb = math.nan if blind else runner.policy.predict_collision(seen)
         # a recorded decision without a scan was taken on the bundle's own
         kind = self._limits.p_hat_kind if judged else "own"
         lidar = judged.estimate.probability if judged else None
@@ -314,7 +379,8 @@ class Replay:
         return ReplayStep(
             bag=self._bag, bundle=runner.name, driver=self._driver, drive_ns=self._drive_ns,
             goal=self._goal, step=moment.step, t_ns=moment.t_ns, until_ns=moment.t_ns,
-            image_ns=moment.picture.t_ns, estimate_ns=judged.t_ns if judged else 0,
+            image_ns=(moment.picture or moment.words or NOTHING).t_ns,
+            estimate_ns=judged.t_ns if judged else 0,
             driven=moment.driven, driven_vetoed=moment.vetoed,
             driven_probabilities=moment.probabilities, driven_p_hat=moment.p_hat,
             action=decision.action, probabilities=decision.probabilities,

@@ -7,6 +7,7 @@ is None with the reason, never a number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -117,7 +118,7 @@ def rgb_predictions(steps: Sequence[ReplayStep]) -> ExecutedPredictions:
 def _predictions(
     steps: Sequence[ReplayStep], p_hat: Callable[[ReplayStep], float]
 ) -> ExecutedPredictions:
-    known = [s for s in steps if s.collided is not None]
+    known = [s for s in steps if s.collided is not None and math.isfinite(p_hat(s))]
     p, collided = (np.array(values) for values in ([p_hat(s) for s in known], _collided(known)))
     return ExecutedPredictions(p.astype(float), collided.astype(bool), drives_of(known))
 
@@ -271,8 +272,9 @@ def compare(first: Sequence[ReplayStep], second: Sequence[ReplayStep]) -> Decisi
     a, b = [one for one, _ in pairs], [two for _, two in pairs]
     drives = drives_of(a)
     same, p_driven = _same(b) - _same(a), _p_driven(b) - _p_driven(a)
-    of_a = rgb_predictions(a)
-    of_b = np.array([two.p_hat_rgb for one, two in pairs if one.collided is not None], float)
+    seen = [(one, two) for one, two in pairs if math.isfinite(one.p_hat_rgb + two.p_hat_rgb)]
+    of_a = rgb_predictions([one for one, _ in seen])
+    of_b = np.array([two.p_hat_rgb for one, two in seen if one.collided is not None], float)
     y, ones = of_a.collided, np.ones(len(of_a.collided))
 
     def auc_difference(k: np.ndarray) -> float:

@@ -41,7 +41,7 @@ class ReplayStep:
         action: the bundle's own action.
         probabilities: float32 [6].
         p_hat: collision probability as given to the bundle.
-        p_hat_rgb: what the bundle's own RGB predictor says.
+        p_hat_rgb: what the bundle's own RGB predictor says; nan of one that sees no pictures.
         detection_score: 0..1.
         would_veto: the LiDAR's veto would have fallen on the bundle's action.
         intact: the bundle has seen every picture since the start of the drive, so that its
