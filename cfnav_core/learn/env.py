@@ -9,7 +9,7 @@ collision. Done ends the episode, with success when the goal is visible; so does
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -160,16 +160,26 @@ class SceneBank:
         rooms: Sequence[str] = (),
         device: torch.device = CPU,
         in_memory: bool = True,
+        without: Sequence[str] = (),
     ) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
-        A store of published data draws as its code does.
+        A store of published data draws as its code does. Goals ``without`` are not asked for, nor
+        are scenes that have no other.
 
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
-            ValueError: rooms that cannot be read.
+            ValueError: rooms that cannot be read, or goals to leave out that nobody knows.
         """
         scenes = open_scenes(folder, rooms)
+        if unknown := set(without) - set(scenes[0].objects):
+            raise ValueError(
+                f"found the goals {', '.join(sorted(unknown))} to leave out, expected some of "
+                f"{', '.join(scenes[0].objects)}"
+            )
+        if without:
+            left = [replace(s, goals=tuple(g for g in s.goals if g not in without)) for s in scenes]
+            scenes = [scene for scene in left if scene.goals]
         return cls(scenes, law=law_of(folder), device=device, in_memory=in_memory)
 
     @property

@@ -104,8 +104,9 @@ class Run:
                 "leave out --workers or --device"
             )
         device = self.ranks.device("cpu" if options.workers else options.device)
-        self.bank = SceneBank.load(options.scenes, options.train_rooms, device)
-        self.validation = SceneBank.load(options.scenes, options.validation_rooms, device)
+        without, scenes = options.leave_out, options.scenes
+        self.bank = SceneBank.load(scenes, options.train_rooms, device, without=without)
+        self.validation = SceneBank.load(scenes, options.validation_rooms, device, without=without)
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
         torch.manual_seed(config.seed)
         objects, perception = self.bank.objects, self.bank.perception

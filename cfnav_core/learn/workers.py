@@ -154,7 +154,9 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
     seed = np.random.SeedSequence([config.seed, index, int(shared.episodes)])
     torch.manual_seed(int(seed.generate_state(1)[0]))
     # what is mapped from disk is in memory once for all workers
-    bank = SceneBank.load(options.scenes, options.train_rooms, in_memory=False)
+    bank = SceneBank.load(
+        options.scenes, options.train_rooms, in_memory=False, without=options.leave_out
+    )
     agent = new_agent(config, bank.inputs, knowledge)
     method, hp = find_method(config.method), config.hyperparameters
     env = ObjectNavEnv(bank, 1, np.random.default_rng(seed), hp.episode_steps)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -145,3 +146,14 @@ def test_large_features_stay_on_disk_and_small_ones_are_joined_once(tmp_path):
         assert grown < 0.35 * megabytes
     # mapped pages that were read count too
     assert peaks[2**40] - peaks[0] < 2.4 * megabytes
+
+
+def test_goals_that_are_left_out_are_never_asked_for(tmp_path: Path) -> None:
+    hall(name="kitchen:0").save(tmp_path / "kitchen_00000")
+    hall(name="kitchen:1", goals={"Mug": (0, 0)}).save(tmp_path / "kitchen_00001")
+    bank = SceneBank.load(tmp_path, without=["Mug"])
+    assert bank.names == ["kitchen:0"]
+    assert {bank.objects[goal] for goal in bank.tasks.goal} == {"Laptop"}
+    assert "Mug" in bank.objects  # it is still seen
+    with pytest.raises(ValueError, match="found the goals Unicorn to leave out"):
+        SceneBank.load(tmp_path, without=["Unicorn"])
