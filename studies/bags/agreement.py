@@ -27,7 +27,8 @@ from cfnav_ros.bags.replay.step import reproduction
 from cfnav_ros.drive.outcome import Outcome, agree
 from cfnav_ros.live.demo import DemoConfig, known_goals, run_trials
 from cfnav_ros.live.plan import Trial
-from cfnav_ros.ros.graph import GraphConfig, RosGraph
+from cfnav_ros.process.graph_config import GraphConfig
+from cfnav_ros.ros.graph import RosGraph
 from tqdm import tqdm
 
 from cfnav_core.command import run_options

@@ -21,8 +21,9 @@ from cfnav_interfaces.msg import PolicyDecision
 from cfnav_ros.drive import fields
 from cfnav_ros.live.demo import DemoConfig, known_goals, plan
 from cfnav_ros.live.plan import Trial, parse_list
+from cfnav_ros.process.graph_config import GraphConfig
 from cfnav_ros.process.processes import GraphError
-from cfnav_ros.ros.graph import GraphConfig, RosGraph
+from cfnav_ros.ros.graph import RosGraph
 from cfnav_ros.ros.spinning import SpinningThread
 from nav_msgs.msg import Odometry
 from rclpy.context import Context

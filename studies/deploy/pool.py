@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from cfnav_ros.process.graph_config import GraphConfig
 from cfnav_ros.process.processes import GraphError
-from cfnav_ros.ros.graph import GraphConfig, RosGraph
+from cfnav_ros.ros.graph import RosGraph
 
 from cfnav_core.command.interrupt import INTERRUPT
 from studies.deploy.places import ROOM, StartPlaces, find_places

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from cfnav_interfaces.msg import GroundTruth
 from cfnav_ros.drive.fields import stamp_to_seconds
+from cfnav_ros.process.graph_config import GraphConfig
 from cfnav_ros.process.processes import GraphError
-from cfnav_ros.ros.graph import GraphConfig, RosGraph
+from cfnav_ros.ros.graph import RosGraph
 
 from cfnav_core.command import run_options
 from cfnav_core.files.json_file import write_json

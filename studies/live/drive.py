@@ -96,7 +96,8 @@ class TrialDrive:
 
     def _run(self, missing: list[Trial], speed: float, domain: int | None) -> None:
         # here, so that the command answers at once to --help and to arguments that make no sense
-        from cfnav_ros.ros.graph import GraphConfig, RosGraph
+        from cfnav_ros.process.graph_config import GraphConfig
+        from cfnav_ros.ros.graph import RosGraph
 
         row, there = self.row, read_rows(self.file)
         write_rows(self.file, there)

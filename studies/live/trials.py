@@ -78,7 +78,8 @@ def run(config: TrialsConfig) -> list[Outcome]:
 
 def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     # Here, so that the command answers at once to --help and to arguments that make no sense.
-    from cfnav_ros.ros.graph import GraphConfig, RosGraph
+    from cfnav_ros.process.graph_config import GraphConfig
+    from cfnav_ros.ros.graph import RosGraph
 
     rows = read_rows(config.out)
     asked = {

@@ -16,8 +16,8 @@ pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make s
 pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test'")
 
 from cfnav_ros.lidar import depth_watch  # noqa: E402
+from cfnav_ros.process.graph_config import GraphConfig  # noqa: E402
 from cfnav_ros.process.processes import GraphError  # noqa: E402
-from cfnav_ros.ros.graph import GraphConfig  # noqa: E402
 from sim_bridge.robot import simulator  # noqa: E402
 from sim_bridge.room.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world.world import World  # noqa: E402

@@ -298,7 +298,8 @@ def test_the_graph_drives_what_is_missing(
 def test_the_simulator_tells_the_truth_in_place_of_the_lidar(
     tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from cfnav_ros.ros.graph import GraphConfig, RosGraph
+    from cfnav_ros.process.graph_config import GraphConfig
+    from cfnav_ros.ros.graph import RosGraph
 
     for name in ("ROS_DOMAIN_ID", "ROS_LOG_DIR"):  # the graph sets them
         monkeypatch.setenv(name, os.environ.get(name, ""))

@@ -195,7 +195,8 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
         FolderInUseError: another run writes to the same folder.
     """
     # Here, so that the command answers at once to --help and to arguments that make no sense.
-    from cfnav_ros.ros.graph import GraphConfig, RosGraph
+    from cfnav_ros.process.graph_config import GraphConfig
+    from cfnav_ros.ros.graph import RosGraph
 
     began = time.monotonic()
     known = known_goals(config)

@@ -13,7 +13,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -31,17 +30,12 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from cfnav_core.command.interrupt import INTERRUPT
-from cfnav_core.policy.bundle import BundleHead, find_bundle
-from cfnav_core.robot.robot import load_robot, simulated
+from cfnav_core.robot.robot import load_robot
 from cfnav_core.robot.topics import TOPICS
-from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.p_hat import SOURCES, PHat
 from cfnav_core.task.vocabulary import CATEGORIES
-from cfnav_ros.drive.detection_watch import MOCK_LABELS
-from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.outcome import Outcome
 from cfnav_ros.process.domains import Domain
-from cfnav_ros.process.nodes import NodeStart, parts
+from cfnav_ros.process.graph_config import GraphConfig
 from cfnav_ros.process.processes import DISCOVERY_S, Child, GraphError, keep_local, node_command
 from cfnav_ros.ros.recorder import Recorder
 from cfnav_ros.ros.spinning import leave
@@ -61,83 +55,6 @@ SILENCE_S = 120.0
 
 HEARD = ("clock", "image", "scan", "odom", "truth")
 """Roles of topics that the recorder must hear before the first episode."""
-
-
-@dataclass(frozen=True)
-class GraphConfig:
-    """What to start.
-
-    Attributes:
-        room: the room that the simulator starts with, such as ``kitchen:25``.
-        logs: folder for the log of each process.
-        speed: simulated seconds per wall second; 0 is as fast as it goes.
-        bundle: what drives: a folder, or the name of a shipped one; None is the robot's.
-        veto: whether the LiDAR may forbid a MoveAhead.
-        domain: ROS domain; None draws a free one.
-        bag: where everything is recorded; None records nothing.
-        lock_step: the simulator waits for the policy, so that an episode repeats itself.
-        camera: the robot's, of ``task.camera.CAMERAS`` or a JSON file; any drives.
-        depth: whether the mock also publishes the depth of a stereo camera.
-        robot: the name of one that is shipped, or its file; when None the TurtleBot 4 whose camera
-            tilts or not, as this one does.
-        p_hat: where the collision probability comes from, see ``EpisodeLimits``; or "true", what
-            the simulator knows, which then speaks in place of the LiDAR node.
-        sample_seed: the policy draws its actions with this seed; argmax when None.
-        visual_shift: of the pictures against those of training, 0 to 1.
-        detector: errors of the detector that is on board where the bundle reads what one says:
-            shipped, or a file of them.
-        track: whether ``RosGraph.track`` follows the true path of each episode.
-    """
-
-    room: str
-    logs: Path
-    speed: float = 1.0
-    bundle: Path | None = None
-    veto: bool = True
-    domain: int | None = None
-    bag: Path | None = None
-    lock_step: bool = False
-    camera: str = "mast"
-    depth: bool = False
-    robot: str | Path | None = None
-    p_hat: PHat = "lidar"
-    sample_seed: int | None = None
-    visual_shift: float = 0.0
-    detector: str = "shipped"
-    track: bool = False
-
-    @property
-    def described(self) -> str:
-        """Name or file of the robot."""
-        return str(self.robot or simulated(CameraSetUp.read(self.camera).tilts))
-
-    @property
-    def drives(self) -> Path:
-        """Folder of the bundle."""
-        return find_bundle(self.bundle or load_robot(self.described).bundle).resolve()
-
-    @property
-    def parts(self) -> list[NodeStart]:
-        """The nodes and what each is told, in the order in which they start."""
-        told = "truth" in SOURCES[self.p_hat].needs
-        lidar = [] if told else ["lidar_collision_node"]
-        # What this machine takes for a command is as many times longer in simulated time.
-        lag = min(EpisodeLimits().command_lag * self.speed, 10.0) if self.speed > 1 else None
-        head = BundleHead.load(self.drives)
-        other = head.camera != CameraSetUp.read(self.camera)
-        sightings = head.reads_sightings
-        given = {
-            "robot": self.described, "room": self.room, "speed": float(self.speed),
-            "camera": self.camera, "depth": self.depth or None,
-            "visual_shift": float(self.visual_shift),
-            "true_estimate": told or None, "lock_step": self.lock_step, "use_sim_time": True,
-            "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
-            "episode.command_lag": lag,
-            "sample_seed": self.sample_seed, "other_camera": other or None,
-            "bundle": self.drives, "detector": self.detector if sightings else None,
-            "detections.labels": MOCK_LABELS if sightings else None,
-        }  # fmt: skip
-        return parts(["mock_turtlebot4", *lidar, "policy_node"], given)
 
 
 @dataclass(frozen=True)

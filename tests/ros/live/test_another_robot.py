@@ -16,8 +16,9 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from cfnav_ros.bags.evaluation import evaluate  # noqa: E402
+from cfnav_ros.process.graph_config import GraphConfig  # noqa: E402
 from cfnav_ros.report.bag_eval import BagEvalConfig, options_of  # noqa: E402
-from cfnav_ros.ros.graph import GraphConfig, RosGraph  # noqa: E402
+from cfnav_ros.ros.graph import RosGraph  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 
 from cfnav_core.robot.robot import SHIPPED  # noqa: E402

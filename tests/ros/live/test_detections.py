@@ -19,8 +19,9 @@ pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test
 from cfnav_interfaces.srv import SetFault  # noqa: E402
 from cfnav_ros.bags.evaluation import JudgeOptions, evaluate  # noqa: E402
 from cfnav_ros.drive.detection_watch import MOCK_LABELS, DetectionSettings  # noqa: E402
+from cfnav_ros.process.graph_config import GraphConfig  # noqa: E402
 from cfnav_ros.process.processes import GraphError  # noqa: E402
-from cfnav_ros.ros.graph import GraphConfig, RosGraph  # noqa: E402
+from cfnav_ros.ros.graph import RosGraph  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 
 from cfnav_core.learn.export import export_bundle  # noqa: E402
