@@ -108,6 +108,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
         lock_step=config.lock_step,
         camera=config.camera,
         detector=config.detector,
+        labels=config.labels,
     )
 
     def done(trial: Trial, outcome: Outcome) -> None:

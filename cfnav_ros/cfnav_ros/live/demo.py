@@ -72,8 +72,10 @@ class DemoConfig:
     """Camera of the robot: mast, which tilts, stock_preview, stock_wide or lite, as sold, which do
     not, or a JSON file like a scene's camera."""
     detector: str = "shipped"
-    """Errors of the detector on board, where the bundle reads what one says: shipped, or a file
-    (python -m studies.eyes.errors)."""
+    """What detects where the bundle reads what a detector says: errors of one on board, shipped or
+    a file of them (python -m studies.eyes.errors), or an ONNX file that is run on the pictures."""
+    labels: str = "coco"
+    """What such an ONNX file learnt: coco, coco_ids, voc, objects365 or a file."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
     report: bool = True
@@ -214,6 +216,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             bag=bag,
             camera=config.camera,
             detector=config.detector,
+            labels=config.labels,
         )
         with RosGraph(graph_config) as graph:
             run_trials(graph, config, known, lambda _, outcome: live.append(outcome))
@@ -262,7 +265,9 @@ def _options(config: DemoConfig) -> JudgeOptions:
     robot = load_robot(simulated(CameraSetUp.read(config.camera).tilts))
     return JudgeOptions(
         bundles=bundles, limits=EpisodeLimits(veto=config.veto), robot=robot,
-        detections=DetectionSettings(labels=MOCK_LABELS),
+        detections=DetectionSettings(
+            labels=config.labels if config.detector.endswith(".onnx") else MOCK_LABELS
+        ),
     )  # fmt: skip
 
 

@@ -35,8 +35,9 @@ class GraphConfig:
             the simulator knows, which then speaks in place of the LiDAR node.
         sample_seed: the policy draws its actions with this seed; argmax when None.
         visual_shift: of the pictures against those of training, 0 to 1.
-        detector: errors of the detector that is on board where the bundle reads what one says:
-            shipped, or a file of them.
+        detector: what detects where the bundle reads what a detector says: errors of one that is
+            on board, "shipped" or a file of them, or an ONNX file that is run on the pictures.
+        labels: what the ONNX file learnt.
         track: whether ``RosGraph.track`` follows the true path of each episode.
     """
 
@@ -55,6 +56,7 @@ class GraphConfig:
     sample_seed: int | None = None
     visual_shift: float = 0.0
     detector: str = "shipped"
+    labels: str = "coco"
     track: bool = False
 
     @property
@@ -68,15 +70,34 @@ class GraphConfig:
         return find_bundle(self.bundle or load_robot(self.described).bundle).resolve()
 
     @property
+    def detection(self) -> tuple[list[str], dict[str, object]]:
+        """Further nodes and parameters, where the bundle reads what a detector says.
+
+        Raises:
+            ValueError: an ONNX file is to be run in lock-step, in which nobody waits for it.
+        """
+        if not BundleHead.load(self.drives).reads_sightings:
+            return [], {}
+        if not self.detector.endswith(".onnx"):
+            return [], {"detector": self.detector, "detections.labels": MOCK_LABELS}
+        if self.lock_step:
+            raise ValueError(
+                f"found the detector {self.detector} in lock-step, in which nobody waits for it; "
+                "choose a speed above 0 and no lock-step"
+            )
+        model = Path(self.detector).resolve()
+        said = {"model": model, "labels": self.labels, "detections.labels": self.labels}
+        return ["detector_node"], said
+
+    @property
     def parts(self) -> list[NodeStart]:
         """The nodes and what each is told, in the order in which they start."""
         told = "truth" in SOURCES[self.p_hat].needs
         lidar = [] if told else ["lidar_collision_node"]
         # What this machine takes for a command is as many times longer in simulated time.
         lag = min(EpisodeLimits().command_lag * self.speed, 10.0) if self.speed > 1 else None
-        head = BundleHead.load(self.drives)
-        other = head.camera != CameraSetUp.read(self.camera)
-        sightings = head.reads_sightings
+        other = BundleHead.load(self.drives).camera != CameraSetUp.read(self.camera)
+        detectors, detecting = self.detection
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),
             "camera": self.camera, "depth": self.depth or None,
@@ -85,7 +106,6 @@ class GraphConfig:
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
             "episode.command_lag": lag,
             "sample_seed": self.sample_seed, "other_camera": other or None,
-            "bundle": self.drives, "detector": self.detector if sightings else None,
-            "detections.labels": MOCK_LABELS if sightings else None,
+            "bundle": self.drives, **detecting,
         }  # fmt: skip
-        return parts(["mock_turtlebot4", *lidar, "policy_node"], given)
+        return parts(["mock_turtlebot4", *lidar, *detectors, "policy_node"], given)

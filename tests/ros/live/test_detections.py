@@ -29,6 +29,7 @@ from cfnav_core.robot.robot import load_robot  # noqa: E402
 from cfnav_core.task.actions import Action  # noqa: E402
 from studies.deploy.bundles import make_bundle  # noqa: E402
 from studies.deploy.pool import NO_ERRORS  # noqa: E402
+from tests.core.detect.made import constant_network  # noqa: E402
 from tests.core.model_samples import save_fresh  # noqa: E402
 
 ROOM = "bathroom:20"
@@ -82,6 +83,34 @@ def test_it_drives_by_what_the_detector_says_and_not_when_that_means_nothing(
                     assert all(0 <= int(number) < 38 for number in ids)
     assert len(stamps["/policy/decision"]) == len(LISTS["Sink"])
     assert set(stamps["/policy/decision"]) <= set(stamps["/detections"])
+
+
+def test_a_detector_of_ones_own_drives_it(
+    tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that sees a cup in the middle of every picture, by its name."""
+    for name in ("ROS_DOMAIN_ID", "ROS_LOG_DIR"):
+        monkeypatch.setenv(name, os.environ.get(name, ""))
+    column = np.zeros((1, 84, 1), np.float32)
+    column[0, :4, 0] = 32, 32, 16, 16
+    column[0, 4 + 41, 0] = 0.9
+    model = constant_network(tmp_path / "cup.onnx", {"output0": column}, (1, 3, 64, 64))
+    config = GraphConfig(
+        ROOM, tmp_path / "logs", domain=ros_domain_id, bag=tmp_path / "bag", camera="mast",
+        bundle=make_bundle(tmp_path, LISTS, reads_sightings=True), detector=str(model),
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="in lock-step, in which nobody waits for it"):
+        _ = replace(config, lock_step=True).parts
+    with RosGraph(config) as graph:
+        assert graph.start_episode(ROOM, "Sink", 0).ok
+        assert graph.run_episode(ROOM, "Sink").outcome == "done"
+    with AnyReader([config.bag]) as reader:
+        said = [c for c in reader.connections if c.topic == "/detections"]
+        _, _, data = next(reader.messages(said))
+        (one,) = reader.deserialize(data, said[0].msgtype).detections
+    assert one.results[0].hypothesis.class_id == "cup"
+    centre = one.bbox.center.position
+    assert (centre.x, centre.y, one.bbox.size_x) == pytest.approx((150, 150, 75))
 
 
 def test_a_bag_with_detections_and_no_pictures_is_replayed(
