@@ -78,7 +78,12 @@ class Perceive:
         path = self.perception or NETWORKS[self.camera]
         if self.bundle and not self.perception:
             folder = find_bundle(self.bundle)
-            path = BundleHead.load(folder).file(folder, PERCEPTION)
+            head = BundleHead.load(folder)
+            if head.reads_sightings:
+                raise PerceptionError(
+                    f"found no perception in {folder}: this bundle reads what a detector says"
+                )
+            path = head.file(folder, PERCEPTION)
         perception = OnnxPerception(path)
         if perception.no_boxes:
             raise PerceptionError(perception.no_boxes)

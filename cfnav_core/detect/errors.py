@@ -76,7 +76,7 @@ class ErrorModel:
         found, invented: a and b of the beta distribution of scores from ``least`` to 1, of what is
             there and of what is not.
         jitter: standard deviation of each edge of a box, as a share of its width or height.
-        false_alarms: that nothing causes, mean a picture.
+        false_alarms: that nothing causes, mean a picture and name that it knows.
         confused: share of what it finds that it calls by another name.
         confusions: by which names, with weights, by the true one; any other where none is told.
     """
@@ -101,19 +101,33 @@ class ErrorModel:
             said: dict[str, Any] = yaml.safe_load(path.read_text())
             values = {one.name: said[one.name] for one in fields(cls)}
             pairs = {name: tuple(map(float, values[name])) for name in ("found", "invented")}
-            return cls(**values | pairs | {"recall": Recall(**values["recall"])})
-        except (
-            OSError,
-            UnicodeDecodeError,
-            yaml.YAMLError,
-            KeyError,
-            TypeError,
-            ValueError,
-        ) as error:
+            model = cls(**values | pairs | {"recall": Recall(**values["recall"])})
+            model.check()
+            return model
+        except (OSError, yaml.YAMLError, LookupError, AttributeError, TypeError, ValueError) as e:
             raise ValueError(
-                f"found no readable errors of a detector in {path} ({' '.join(str(error).split())})"
+                f"found no readable errors of a detector in {path} ({' '.join(str(e).split())})"
                 "; measure them with python -m studies.eyes.errors"
-            ) from error
+            ) from e
+
+    def check(self) -> None:
+        """Look at the numbers.
+
+        Raises:
+            ValueError: one makes no sense.
+        """
+        recall = self.recall
+        numbers = (recall.base, recall.size, recall.share, recall.distance, *recall.names.values())
+        if not all(math.isfinite(number) for number in numbers):
+            raise ValueError("recall has a number that is not finite")
+        for name, most in (("least", 1), ("confused", 1), ("jitter", 9), ("false_alarms", 9)):
+            if not 0 <= getattr(self, name) < most:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected 0 to {most}")
+        for name in ("found", "invented"):
+            if len(getattr(self, name)) != 2 or not min(getattr(self, name)) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected two numbers above 0")
+        if not all(weight > 0 for row in self.confusions.values() for weight in row.values()):
+            raise ValueError("confusions has a weight that is not above 0")
 
     def says(
         self, things: Sequence[Thing], names: Sequence[str], size: tuple[int, int], degree: float,
@@ -138,7 +152,7 @@ class ErrorModel:
             name = self._other(thing.name, names, rng) if mistaken else thing.name
             if box := self._jittered(thing.box, size, rng):
                 said.append((Detection(name, self._score(self.found, rng), box), thing))
-        alarms = range(rng.poisson(self.false_alarms))
+        alarms = range(rng.poisson(self.false_alarms * len(names)))
         return [*said, *((self._alarm(names, size, rng), None) for _ in alarms)]
 
     def _other(self, name: str, names: Sequence[str], rng: np.random.Generator) -> str:

@@ -81,13 +81,14 @@ Ranging = Callable[[Sighting], float]
 """How far a thing is, metres, by where it is seen; 0 when that does not tell."""
 
 
-def sighted(found: Detection, camera: Pinhole, tilt: float = 0.0) -> Sighting:
-    """The direction of a box.
+def sighted(found: Detection, camera: Pinhole, tilt: float = 0.0, depth: float = 0.0) -> Sighting:
+    """The direction of a box, and how far along the floor its thing is.
 
     Args:
         found: its name is what cfnav calls it.
         camera: whose pixels the box is in.
         tilt: of the camera, rad, up positive.
+        depth: of the thing along the camera's axis, metres; 0 where nobody knows.
     """
     left, top, right, bottom = found.box
     x0, x1 = ((edge - 0.5 - camera.cx) / camera.fx for edge in (left, right))
@@ -97,6 +98,7 @@ def sighted(found: Detection, camera: Pinhole, tilt: float = 0.0) -> Sighting:
     return Sighting(
         found.name, found.score, math.atan2(x, ahead), math.atan2(rise, math.hypot(x, ahead)),
         math.atan(x1) - math.atan(x0), math.atan(y1) - math.atan(y0),
+        depth * math.hypot(x, ahead),
     )  # fmt: skip
 
 
@@ -109,12 +111,17 @@ def table(seen: Iterable[Sighting], objects: Sequence[str]) -> np.ndarray:
 
     Returns:
         Float16 [C, 6], fields ``SIGHTINGS``; zeros where nothing is seen.
+
+    Raises:
+        ValueError: a number is not finite, or too large for what a policy reads.
     """
     out = np.zeros((len(objects), len(SIGHTINGS)), np.float16)
     rows = {name: row for row, name in enumerate(objects)}
     for one in sorted(seen, key=lambda one: one.confidence):
         if one.name in rows:
             out[rows[one.name]] = [getattr(one, field) for field in SIGHTINGS]
+    if not np.isfinite(out).all():
+        raise ValueError("found a sighting with a number that is not finite, expected all to be")
     return out
 
 

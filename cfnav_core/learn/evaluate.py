@@ -27,7 +27,7 @@ from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.limits import VETO_PROBABILITY
 from cfnav_core.task.metrics import EpisodeResult, figures, paired
-from cfnav_core.task.p_hat import TESTED, Known, PHat, check_kind, make_p_hat, needs_lidar
+from cfnav_core.task.p_hat import SOURCES, TESTED, Known, PHat, check_kind, make_p_hat, needs_lidar
 from cfnav_core.task.vocabulary import ROOM_TYPES
 
 LONG_EPISODE = 5
@@ -264,7 +264,7 @@ class Candidate:
         folder = find_bundle(path)
         head = BundleHead.load(folder)
         sightings, what = head.reads_sightings, {"bundle": str(path), **_origin(head.training)}
-        perception = head.training["perception"] if sightings else eyes_of(folder, head).identity
+        perception = "" if sightings else eyes_of(folder, head).identity
         return cls(OnnxNetworks(folder, head), perception, head.objects, what, sightings)
 
 
@@ -296,6 +296,11 @@ def evaluate(
     """
     kind = check_kind(p_hat, TESTED)
     candidate = Candidate.load(path)
+    if candidate.reads_sightings and "own" in SOURCES[kind].needs:
+        raise ValueError(
+            f"found p_hat {kind!r} for {path}, which sees no pictures on the robot, from which its "
+            "predictor learnt; choose lidar (cfnav rooms scan, cfnav data lidar), true or zero"
+        )
     starts = read_episodes(frozen)[:most] if frozen else []
     bank = SceneBank.load(scenes, rooms or sorted({s.scene for s in starts}))
     _check_fits(candidate, path, bank, scenes)

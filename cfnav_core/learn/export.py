@@ -62,6 +62,8 @@ def export_bundle(
         if perception is not None:
             shutil.copyfile(perception, partial / PERCEPTION)
         export_networks(trained.agent, inputs, partial)
+        if perception is None:
+            _check_blind(partial / "policy.onnx", checkpoint)
         _export_weights(checkpoint, partial)
         bundle = BundleHead(
             name, head["config"]["method"], trained.feeds_prediction, inputs.objects,
@@ -106,6 +108,19 @@ def _percept(trained: TrainedAgent, checkpoint: Path, path: Path | None) -> Perc
             f"{expected}; give that one"
         )
     return observer.gives
+
+
+def _check_blind(network: Path, checkpoint: Path) -> None:
+    """See that a policy that is to read sightings reads nothing of pictures.
+
+    Raises:
+        ValueError: it does.
+    """
+    if "features" in {given.name for given in onnx.load(network).graph.input}:
+        raise ValueError(
+            f"found a model in {checkpoint} that reads features of pictures beside sightings, "
+            "which nobody has on the robot; train one that reads none, such as --model tdanet"
+        )
 
 
 class _Flat(nn.Module):

@@ -233,6 +233,8 @@ class Policy:
 
     def check_size(self, height: int, width: int) -> None:
         """Raise PerceptionError when pictures of a size, pixels, cannot be used."""
+        if self.reads_sightings:
+            raise PerceptionError("found a picture, expected sightings: this bundle sees none")
         self._perception.gives.check_size(height, width)
 
     def decide(
@@ -263,6 +265,10 @@ class Policy:
         )
         fed = make_p_hat(p_hat or ("lidar" if given else "own"), known)
         pi = self._networks.step(observation, self._state, fed)
+        if not np.isfinite(pi).all():
+            raise ValueError(
+                f"found probabilities {pi[0].tolist()} of {self.name}, expected numbers"
+            )
         action = Action(int(pi[0].argmax() if self._rng is None else sampled(pi, self._rng)[0]))
         self.executed(action)
         return Decision(action, pi[0], float(fed[0]), self._goal_score(seen))

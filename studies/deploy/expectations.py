@@ -170,6 +170,7 @@ _DETECTIONS = {
     "detections_stamp_future": _stops("picture", "a stamp ahead of now comes from another clock"),
     "detections_stamp_back": _stops("picture", "a stamp of 5 s ago is an old picture's"),
     "detections_rival": _stops("graph", _RIVAL, refused=True),
+    "detections_frozen": _stops("frozen detections", "no detector says the same bit by bit"),
     "detections_other_labels": _stops(
         "picture", "a number that the labels lack may be anything", refused=True
     ),

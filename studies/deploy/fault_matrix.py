@@ -98,7 +98,9 @@ def made(tasks: Sequence[Task], config: MatrixConfig) -> Iterator[dict[str, Any]
     for part in ("", *PARTS.values()):
         bundle = make_bundle(folder / "bundles", LISTS, part == "detector")
         of = [task for task in tasks if EXPECTATIONS[task[0]].part == part]
-        yield from results(run_task, of, bundle, folder / f"logs{part}", config.graphs, part)
+        yield from results(
+            run_task, of, bundle, folder / f"logs_{part}".rstrip("_"), config.graphs, part
+        )
 
 
 def measure(config: MatrixConfig) -> list[dict[str, Any]]:

@@ -98,6 +98,7 @@ LIMITS_S = {
     "blind scan": 2 * SCAN_PERIOD,
     "frozen scan": 1.0 + SCAN_PERIOD,
     "frozen picture": 1.0 + 1 / 15,
+    "frozen detections": 1.0 + 1 / 7.5 + 0.1,
     "near depth": 1 / 10 + NoiseLevels().depth_latency + 3 * SCAN_PERIOD,
     "mounting": (SEEN_THROUGH + 1) * SCAN_PERIOD,
     "slip": SLIP_WINDOW_S + 0.05,

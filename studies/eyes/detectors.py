@@ -56,16 +56,21 @@ def overlap(box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     return shared / np.maximum(areas - shared, 1e-9)
 
 
-def paired(shared: np.ndarray, least: float) -> np.ndarray:
-    """Which things have a box: bool [things]; the best pair first, each in one pair only.
+def best_pairs(shared: np.ndarray, least: float) -> dict[int, int]:
+    """Boxes of things, by row and column; the best pair first, each in one pair only.
 
     Args:
         shared: float [things, boxes], intersection through union; below ``least`` where a thing and
             a box cannot be a pair.
         least: intersection through union of a pair, above 0.
     """
-    left, out = shared.copy(), np.zeros(len(shared), bool)
+    left, out = shared.copy(), dict[int, int]()
     while left.size and left.max() >= least:
-        thing, box = np.unravel_index(int(left.argmax()), left.shape)
-        left[thing], left[:, box], out[thing] = -1, -1, True
+        thing, box = map(int, np.unravel_index(int(left.argmax()), left.shape))
+        left[thing], left[:, box], out[thing] = -1, -1, box
     return out
+
+
+def paired(shared: np.ndarray, least: float) -> np.ndarray:
+    """Which things have a box: bool [things], see ``best_pairs``."""
+    return np.isin(np.arange(len(shared)), list(best_pairs(shared, least)))

@@ -35,7 +35,7 @@ from cfnav_core.perception.pictures import read_rgb
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.detectors import CATEGORY_OF, load_detector, overlap
+from studies.eyes.detectors import CATEGORY_OF, best_pairs, load_detector, overlap
 from studies.eyes.fetch import CACHE, picture_path
 from studies.eyes.pictures import TABLE, load_pictures
 from studies.eyes.rooms import things_of_rooms
@@ -47,6 +47,10 @@ SCORE = 0.3
 OVERLAP = 0.5
 """Intersection through union from which on a box is a thing's."""
 
+POOR = 0.1
+"""Intersection through union from which on a box that is nobody's is a poor one of some thing, and
+no false alarm."""
+
 KNOWN = sorted(set(CATEGORY_OF.values()) & set(CATEGORIES))
 
 RIDGE = 1.0
@@ -54,6 +58,9 @@ RIDGE = 1.0
 
 REAL = 60.0, 1.0, 2.0
 """Degrees across a real picture, share of a thing in view, and its distance, m."""
+
+FOCAL = 0.5 / math.tan(math.radians(REAL[0]) / 2)
+"""Of a real picture, as a share of its width."""
 
 SIDES_DEG, DISTANCES_M, SHARES = (0, 3, 6, 12, 24, 180), (0, 1, 2, 3, 9), (0, 0.4, 0.8, 1.01)
 
@@ -111,24 +118,31 @@ class Said:
             unclear: names that may be in it: a detection of these is no false alarm.
         """
         self.pictures += 1
-        things, left = [one for one in things if one.name in KNOWN], list(said)
-        for thing in things:
+        things = [one for one in things if one.name in KNOWN]
+        boxes = np.array([one.box for one in said]).reshape(-1, 4)
+        shared = np.zeros((len(things), len(said)))
+        for k, thing in enumerate(things):
+            shared[k] = overlap(np.array(thing.box), boxes)
+        same = np.array([[thing.name == one.name for one in said] for thing in things], bool)
+        own = best_pairs(np.where(same.reshape(shared.shape), shared, 0), OVERLAP)
+        rest = [k for k in range(len(things)) if k not in own]
+        left = [k for k in range(len(said)) if k not in own.values()]
+        others = best_pairs(shared[np.ix_(rest, left)], OVERLAP)
+        pairs = own | {rest[k]: left[told] for k, told in others.items()}
+        for k, thing in enumerate(things):
             box = np.array(thing.box)
             wide, high = box[2] - box[0], box[3] - box[1]
-            near = overlap(box, np.array([one.box for one in left]).reshape(-1, 4)) >= OVERLAP
-            here = [one for one, is_near in zip(left, near, strict=True) if is_near]
-            own = next((one for one in here if one.name == thing.name), None)
-            other = next(iter(here), None)
-            told = own or other
             self.things.append((thing, math.sqrt(wide * high) / degree))
-            self.found.append(told is not None)
-            if told is not None:
-                left.remove(told)
+            self.found.append(k in pairs)
+            if k in pairs:
+                told = said[pairs[k]]
                 self.scores.append(told.score)
                 self.edges.append((np.array(told.box) - box) / [wide, high, wide, high])
-                if own is None:
+                if k not in own:
                     self.confused[thing.name, told.name] += 1
-        self.alarms += [one.score for one in left if one.name not in unclear]
+        beside = shared.max(0, initial=0) < POOR  # others are poor boxes, or second ones
+        alone = set(np.flatnonzero(beside).tolist()) - set(pairs.values())
+        self.alarms += [said[k].score for k in sorted(alone) if said[k].name not in unclear]
 
 
 def _told(detector: OnnxDetector, rgb: np.ndarray) -> list[Detection]:
@@ -139,7 +153,7 @@ def _told(detector: OnnxDetector, rgb: np.ndarray) -> list[Detection]:
 
 def ask_of_pictures(detectors: Sequence[OnnxDetector], cache: Path) -> Said:
     """Show the real pictures to detectors; those that are not in the cache are left out."""
-    said, (across, share, distance) = Said(), REAL
+    said, (_, share, distance) = Said(), REAL
     for picture in load_pictures(TABLE)[1]:
         path = picture_path(cache, picture)
         if not path.exists():
@@ -150,8 +164,9 @@ def ask_of_pictures(detectors: Sequence[OnnxDetector], cache: Path) -> Said:
             for name, boxes in picture.shown.items() for box in boxes
         ]  # fmt: skip
         unclear = [*picture.unclear, *picture.shown]  # a further one may have no box
+        degree = FOCAL * rgb.shape[1] * math.radians(1)
         for detector in detectors:
-            said.add(things, _told(detector, rgb), rgb.shape[1] / across, unclear)
+            said.add(things, _told(detector, rgb), degree, unclear)
     return said
 
 
@@ -192,7 +207,7 @@ def fitted(rooms: Said, pictures: Said) -> ErrorModel:
         Recall(base, size, share, distance, names), SCORE,
         _beta(pictures.scores), _beta(pictures.alarms),
         round(float(np.std(pictures.edges)), 3),
-        round(len(pictures.alarms) / pictures.pictures, 3),
+        round(len(pictures.alarms) / pictures.pictures / len(KNOWN), 4),
         round(pictures.confused.total() / len(pictures.scores), 3), dict(confusions),
     )  # fmt: skip
 
@@ -219,7 +234,12 @@ def _likeliest(
         value = np.logaddexp(0, z).sum() - y @ z + RIDGE / 2 * own @ own
         return float(value), x.T @ (expit(z) - y) + RIDGE * own
 
-    base, *best = minimize(loss, np.zeros(x.shape[1]), jac=True).x.round(2).tolist()
+    # What is further at the same size is larger, and large kinds may be known better: that is no
+    # reason to find a thing more often from further away.
+    last = (None, None if slopes else 0)
+    bounds = [*[(None, None)] * (x.shape[1] - 1), last]
+    fit = minimize(loss, np.zeros(x.shape[1]), jac=True, bounds=bounds)
+    base, *best = fit.x.round(2).tolist()
     of_names = dict(zip(names, best, strict=False))
     return base, list(slopes) if slopes else best[len(names) :], of_names
 

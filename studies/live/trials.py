@@ -18,9 +18,11 @@ from cfnav_ros.live.demo import DemoConfig, known_goals, run_trials
 from cfnav_ros.live.plan import Trial, parse_list
 
 from cfnav_core.command import command_line, run_options
+from cfnav_core.detect.errors import SHIPPED
 from cfnav_core.files.json_lines import append_row, read_rows, write_rows
 from cfnav_core.files.locks import locked
-from cfnav_core.files.provenance import commit
+from cfnav_core.files.provenance import commit, sha256
+from cfnav_core.policy.bundle import BundleHead
 from studies.live import table_iv
 from studies.live.drive import by_trial
 from studies.live.identities import WORLD, identity_of
@@ -38,7 +40,7 @@ CONDITIONS = (
 """What each line repeats, and what all lines of a file must share: as asked for, and the identities
 of the bundle's networks and of the simulator, which change under one name."""
 
-UNSAID = {"camera": "mast", "max_steps": 0, "detector": "shipped"}
+UNSAID = {"camera": "mast", "max_steps": 0, "detector": ""}
 """What held for lines that were written before this was a condition."""
 
 
@@ -56,6 +58,14 @@ class TrialsConfig(DemoConfig):
     """The LiDAR may forbid a MoveAhead; off where the policy itself is measured."""
     lock_step: bool = True
     """The simulator waits for the policy at every moment, so that each episode repeats itself."""
+
+
+def detector_of(config: TrialsConfig) -> str:
+    """What detects, by its content: a name may come to mean another; "" where nothing does."""
+    if not BundleHead.load(config.drives).reads_sightings:
+        return ""
+    path = SHIPPED if config.detector == "shipped" else Path(config.detector)
+    return f"{sha256(path)[:16]} {config.labels}"
 
 
 def conditions_of(row: dict[str, Any]) -> dict[str, Any]:
@@ -85,6 +95,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     asked = {
         **asdict(config), "bundle": str(config.bundle or "shipped"),
         "networks": identity_of(config.drives), "world": WORLD,
+        "detector": detector_of(config),
     }  # fmt: skip
     conditions = {name: asked[name] for name in CONDITIONS}
     for row in rows:

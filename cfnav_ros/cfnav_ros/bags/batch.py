@@ -16,7 +16,6 @@ from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, evaluate
 from cfnav_ros.bags.files.decode import WITH_EVENTS
 from cfnav_ros.bags.files.finding import unique_names
 from cfnav_ros.bags.files.reading import Bag
-from cfnav_ros.bags.files.roles import assign
 from cfnav_ros.bags.judge.episodes_file import rows_by_bag
 
 LOOK_S = 0.2
@@ -95,7 +94,7 @@ def _events(bags: Sequence[Path], options: JudgeOptions) -> int:
     total = 0
     for path in bags:
         with Bag(path) as bag:
-            roles = assign(bag.topics, options.topics, namespace=options.namespace)
+            roles = options.assigned(bag.topics)
             counts = [roles.topics[role].count for role in WITH_EVENTS if role in roles.topics]
         if any(count is None for count in counts):
             return 0

@@ -27,7 +27,8 @@ from cfnav_ros.bags.files.events import (
     Pose,
 )
 from cfnav_ros.bags.files.reading import Bag
-from cfnav_ros.bags.files.roles import Roles, assign, told
+from cfnav_ros.bags.files.roles import ROLES, Roles, assign, told
+from cfnav_ros.bags.files.storage import BagTopic
 from cfnav_ros.bags.film import Film
 from cfnav_ros.bags.health.health import Finding, Health
 from cfnav_ros.bags.health.topic_watch import TopicHealth
@@ -41,7 +42,7 @@ from cfnav_ros.bags.replay.estimates import Estimates
 from cfnav_ros.bags.replay.replay import Replay
 from cfnav_ros.bags.replay.step import LeftOut, ReplayStep, labelled
 from cfnav_ros.bags.scan_map import ScanMap
-from cfnav_ros.drive.detection_watch import DetectionSettings, watch_of
+from cfnav_ros.drive.detection_watch import DetectionSettings, DetectionWatch
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.lidar.scan_watch import LidarParameters
 
@@ -88,6 +89,16 @@ class JudgeOptions:
     detections: DetectionSettings = field(default_factory=DetectionSettings)
     robot: Robot = field(default_factory=Robot)
     tilt_joint: str = TILT_JOINT
+
+    @property
+    def reads_sightings(self) -> bool:
+        """Whether one of the bundles does; else no detection is of concern."""
+        return any(policy_of(folder).reads_sightings for folder in self.bundles.values())
+
+    def assigned(self, topics: Sequence[BagTopic]) -> Roles:
+        """Which topic of a bag plays which role."""
+        roles = {r: of for r, of in ROLES.items() if r != "detections" or self.reads_sightings}
+        return assign(topics, self.topics, roles, self.namespace)
 
 
 @dataclass(frozen=True)
@@ -188,7 +199,7 @@ def evaluate(
         BundleError: a bundle cannot be used.
     """
     with Bag(path) as bag:
-        roles = assign(bag.topics, options.topics, namespace=options.namespace)
+        roles = options.assigned(bag.topics)
         work = _Work(name or path.name, roles, options)
         for count, event in enumerate(bag.events(roles, options.tilt_joint), 1):
             work.see(event)
@@ -219,13 +230,19 @@ class _Work:
         self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
         self._replay = Replay(
             self._policies, self._estimates, options.limits, infer=self._infer, bag=name,
-            words=watch_of(options.detections, options.robot, options.limits),
+            watch=self._watch(options),
             look=self._film.add,
         )  # fmt: skip
         self._first_ns = self._last_ns = 0
         self._next = 0
         self._running: EpisodeRow | None = None
         self._finished: list[tuple[Drive, Mapping[int, bytes], np.ndarray]] = []
+
+    def _watch(self, options: JudgeOptions) -> DetectionWatch | None:
+        """What makes sightings of detections, where a bundle reads them."""
+        if not options.reads_sightings:
+            return None
+        return DetectionWatch(options.detections, options.robot)
 
     def see(self, event: Event) -> None:
         """Take the next event."""

@@ -17,7 +17,7 @@ from cfnav_ros.bags.judge.drive_log import Drive
 from cfnav_ros.bags.judge.drives import MOST
 from cfnav_ros.drive.motion import wrap
 from cfnav_ros.lidar.estimate import SweptDisc
-from cfnav_ros.lidar.returns import Mount, beams, malformed, measured
+from cfnav_ros.lidar.returns import Mount, malformed, points_around
 
 APART_M, APART_RAD = 0.2, math.radians(20.0)
 """A scan is kept when the robot has moved so far since the last that was."""
@@ -90,15 +90,9 @@ class ScanMap:
 
 def _points(turn: LaserTurn, mount: Mount, pose: Pose) -> np.ndarray:
     """The returns of a scan from beyond the hull: float64 [N, 2], metres, odometry frame."""
-    scan = turn.scan
-    if malformed(scan):
+    if malformed(turn.scan):
         return np.empty((0, 2))
-    ranges = np.asarray(scan.ranges, np.float64)
-    there = beams(
-        ranges.size, scan.angle_min, scan.angle_increment, mount, (), 0.0, SweptDisc.radius
-    )
-    seen = measured(ranges, scan) & (ranges > there.hull) & (ranges <= FAR_M)
-    bearing, far = there.bearing[seen], ranges[seen]
-    x, y = mount.x + far * np.cos(bearing), mount.y + far * np.sin(bearing)
+    points = points_around(turn.scan, mount, SweptDisc.radius)
+    x, y = points[np.hypot(*(points - [mount.x, mount.y]).T) <= FAR_M].T
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     return np.column_stack([pose.x + c * x - s * y, pose.y + s * x + c * y])

@@ -10,16 +10,16 @@ from typing import Literal
 
 import numpy as np
 
-from cfnav_core.detect.labels import LabelMap, load_labels
+from cfnav_core.detect.labels import load_labels
 from cfnav_core.detect.sightings import Ranging, Sighting, by_ranges, by_size, known_sizes, sighted
 from cfnav_core.perception.boxes import Box, Detection
-from cfnav_core.robot.robot import Lidar, Robot
+from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.settings import setting
+from cfnav_core.task.camera import ASPECT_TOLERANCE
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive.fields import Claim
 from cfnav_ros.drive.inputs import CameraFrame
-from cfnav_ros.drive.limits import EpisodeLimits
-from cfnav_ros.lidar.returns import Mount, Scan
+from cfnav_ros.lidar.returns import Mount, Scan, malformed, points_around
 from cfnav_ros.robot.stamps import seconds
 
 MOCK_LABELS = "cfnav"
@@ -27,9 +27,19 @@ MOCK_LABELS = "cfnav"
 
 FAR_BY = ("lidar", "size", "nothing")
 
-SETTLED_S, KEPT_SCANS = 0.1, 10
-"""A scan is asked about pictures this much later than it on, so that it has come whatever the order
-of messages is, and a recorded drive is judged as it was driven."""
+SCAN_AGES_S, KEPT_SCANS = (0.2, 0.5), 10
+"""A scan is asked about pictures so much later than its stamp, that of the beginning of its turn:
+it has come by then whatever the order of messages is, so that a recorded drive is judged as it was
+driven; and it was not taken long before the robot stood."""
+
+FOV_DEG = (10.0, 150.0)
+"""What a pinhole's view is across and down; an uncalibrated driver may say anything."""
+
+BESIDE = 0.05
+"""Share of a picture's side by which a box may reach out of it."""
+
+LEAST_PX = 1.0
+"""Boxes that are smaller are shares of the picture, or of another one."""
 
 
 @dataclass(frozen=True)
@@ -61,123 +71,140 @@ class DetectionWatch:
 
     Args:
         settings: see there.
-        camera: where nobody publishes ``camera_info``; None: it is waited for.
-        lidar: where it sits.
-        hull: radius of the robot, metres: nearer returns are its own parts.
-        scan_age: by which a scan may be older than the picture that it is asked about, seconds.
+        robot: whose LiDAR it is, and whose hull: nearer returns are its own parts.
 
     Raises:
-        ValueError: there are no such labels.
+        ValueError: there are no such labels, the robot has no ``camera_info``, or its file does not
+            say where the LiDAR sits that is to tell distances; one sentence.
     """
 
-    def __init__(
-        self, settings: DetectionSettings, camera: Pinhole | None, lidar: Lidar, hull: float,
-        scan_age: float,
-    ) -> None:  # fmt: skip
-        self._settings, self._hull = settings, hull
+    def __init__(self, settings: DetectionSettings, robot: Robot) -> None:
+        lidar = robot.lidar
+        if "camera_info" not in robot.topics:
+            raise ValueError(
+                f"The robot {robot.name} has no camera_info, by which boxes become directions: "
+                "name its topic in the robot's file."
+            )
+        if settings.far_by == "lidar" and lidar.mount == "tf":
+            raise ValueError(
+                "detections.far_by is lidar, but the robot's file leaves where that sits to TF: "
+                "say it there, or set detections.far_by to size."
+            )
+        self._settings, self._hull, self._frame = settings, robot.radius, lidar.frame
         mount = Mount(lidar.x, lidar.y, math.radians(lidar.yaw_deg))
         self._mount = mount.corrected(math.radians(lidar.bearing_bias_deg))
-        self._scan_age = scan_age
-        self.labels: LabelMap = load_labels(settings.labels)
-        self._camera = self._sized(camera) if camera else None
+        self._labels = load_labels(settings.labels)
         self._sizes = by_size(known_sizes())
         self._scans: deque[tuple[float, Scan]] = deque(maxlen=KEPT_SCANS)
+        self.restart()
 
-    def _sized(self, camera: Pinhole) -> Pinhole:
-        wide, high = self._settings.width, self._settings.height
-        return camera.scaled(wide, high) if wide else camera
+    def restart(self) -> None:
+        """A drive begins: the camera may be another one."""
+        self._told: Pinhole | None = None
+        self._camera: Pinhole | None = None
+        self._fault = ""
 
     def tell(self, camera: Pinhole) -> None:
-        """Take what ``camera_info`` says; one that says nothing usable is passed over."""
-        if camera.fov_deg is not None:
-            self._camera = self._sized(camera)
+        """Take what ``camera_info`` says; during a drive it may not change."""
+        if self._told is None:
+            self._camera, self._fault = self._sized(camera)
+        elif camera != self._told:
+            self._fault = "camera_info speaks of another camera than before: end one of the two."
+        self._told = camera
+
+    def _sized(self, camera: Pinhole) -> tuple[Pinhole, str]:
+        """The camera in pictures of the size that was set, and what is wrong with it."""
+        fov, (low, high) = camera.fov_deg, FOV_DEG
+        inside = 0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height
+        if fov is None or not inside or not all(low <= angle <= high for angle in fov):
+            return camera, (
+                f"camera_info tells of {camera.width}x{camera.height} pixels with focal lengths "
+                f"{camera.fx:g} and {camera.fy:g}, which is no view: calibrate the camera."
+            )
+        wide, tall = self._settings.width, self._settings.height
+        if not wide:
+            return camera, ""
+        aspect = wide / tall / (camera.width / camera.height)
+        if abs(aspect - 1) > ASPECT_TOLERANCE:
+            return camera, (
+                f"The detector's picture is set to {wide}x{tall}, but camera_info tells of "
+                f"{camera.width}x{camera.height}, another shape: name the camera_info of the "
+                "picture that the detector is given."
+            )
+        return camera.scaled(wide, tall), ""
 
     def hear(self, stamp: float, scan: Scan) -> None:
-        """Take a scan.
+        """Take a scan; one that makes no sense, or is another scanner's, tells no distance.
 
         Args:
             stamp: node time, seconds.
             scan: of the robot's LiDAR.
         """
-        self._scans.append((stamp, scan))
+        if not malformed(scan) and self._frame in ("", scan.frame):
+            self._scans.append((stamp, scan))
 
-    def _by(self, scan: Scan) -> Ranging:
-        ranges = scan.ranges
-        usable = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
-        angle = scan.angle_min + scan.angle_increment * np.flatnonzero(usable)
-        bearing = self._mount.bearings(angle)
-        x = self._mount.x + ranges[usable] * np.cos(bearing)
-        y = self._mount.y + ranges[usable] * np.sin(bearing)
-        away = np.hypot(x, y)
-        other = away > self._hull
-        return by_ranges(np.arctan2(y, x)[other], away[other])
-
-    def see(self, stamp_ns: int, told: Sequence[Claim], tilt: float) -> CameraFrame:
+    def see(self, stamp_ns: int, claims: Sequence[Claim], tilt: float) -> CameraFrame:
         """What a policy looks at.
 
         Args:
             stamp_ns: of the picture that the detector was given.
-            told: what it says of it.
+            claims: what it says of it.
             tilt: of the camera then, rad, up positive.
 
         Returns:
-            A frame of sightings, or one with a fault that another message will have as well.
-
-        Raises:
-            ValueError: the camera is not known yet; one sentence.
+            A frame of sightings, or one with a fault that another message will have as well, or
+            one that waits for ``camera_info``.
         """
         camera = self._camera
         if camera is None:
-            raise ValueError("Detections wait for camera_info, by which boxes become directions.")
-        size = camera.height, camera.width
+            waiting = "Detections wait for camera_info, by which boxes become directions."
+            return CameraFrame(stamp_ns, waiting=waiting)
+        # none are no reason to take the detector for frozen: there may be nothing to see
+        data = tuple(claims) or None
+        frame = CameraFrame(stamp_ns, height=camera.height, width=camera.width, data=data)
+        if self._fault:
+            return replace(frame, fault=self._fault)
         try:
-            found = [self._found(one, camera) for one in told]
+            seen = tuple(self._seen(claims, camera, tilt, seconds(stamp_ns)))
         except ValueError as error:
-            return CameraFrame(stamp_ns, height=size[0], width=size[1], fault=str(error))
-        far = self._ranging(seconds(stamp_ns))
-        seen = [sighted(one, camera, tilt) for one in found]
-        known = tuple(
-            replace(one, distance=said.distance or far(one))
-            for one, said in zip(seen, told, strict=True)
-        )
-        return CameraFrame(stamp_ns, lambda every=1: known, *size)
+            return replace(frame, fault=str(error))
+        return replace(frame, decode=lambda every=1: seen)
 
-    def _found(self, one: Claim, camera: Pinhole) -> Detection:
-        box = _within(one.box, camera)
-        return Detection(self.labels.category(one.class_id), one.score, box)
+    def _seen(
+        self, claims: Sequence[Claim], camera: Pinhole, tilt: float, stamp: float
+    ) -> list[Sighting]:
+        far, seen = self._ranging(stamp), []
+        for claim in claims:
+            name, box = self._labels.category(claim.class_id), _within(claim.box, camera)
+            one = sighted(Detection(name, claim.score, box), camera, tilt, claim.depth)
+            seen.append(one if one.distance else replace(one, distance=far(one)))
+        return seen
 
     def _ranging(self, stamp: float) -> Ranging:
-        by = self._settings.far_by
-        if by == "lidar":
-            ages = [(stamp - scanned, scan) for scanned, scan in self._scans]
-            for age, scan in sorted(ages, key=lambda pair: pair[0]):
-                if SETTLED_S <= age <= self._scan_age:
-                    return self._by(scan)
-        return self._sizes if by == "size" else _unknown
-
-
-def watch_of(
-    settings: DetectionSettings, robot: Robot, limits: EpisodeLimits, camera: Pinhole | None = None
-) -> DetectionWatch:
-    """The watch of a robot; ``camera``: see there."""
-    return DetectionWatch(settings, camera, robot.lidar, robot.radius, limits.ages.estimate)
-
-
-def _unknown(_: Sighting) -> float:
-    return 0.0
+        by, (least, most) = self._settings.far_by, SCAN_AGES_S
+        if by == "size":
+            return self._sizes
+        for scanned, scan in reversed(self._scans):
+            if by == "lidar" and least <= stamp - scanned <= most:
+                x, y = points_around(scan, self._mount, self._hull).T
+                return by_ranges(np.arctan2(y, x), np.hypot(x, y))
+        return lambda _: 0.0
 
 
 def _within(box: Box, camera: Pinhole) -> Box:
     """A box cut to the picture.
 
     Raises:
-        ValueError: its middle is not in the picture, which must be another one; one sentence.
+        ValueError: it must be of another picture; one sentence.
     """
     left, top, right, bottom = box
-    x, y = (left + right) / 2, (top + bottom) / 2
-    if not (0 <= x <= camera.width and 0 <= y <= camera.height):
+    wide, high = camera.width, camera.height
+    x, y = BESIDE * wide, BESIDE * high
+    inside = left >= -x and right <= wide + x and top >= -y and bottom <= high + y
+    if not inside or min(right - left, bottom - top) < LEAST_PX:
         raise ValueError(
-            f"A box lies at {x:.0f}, {y:.0f} of a picture of {camera.width}x{camera.height}: set "
-            "detections.width and height to the size of the picture that the detector is given."
+            f"A box reaches from {left:.1f}, {top:.1f} to {right:.1f}, {bottom:.1f} in a picture "
+            f"of {wide}x{high} pixels: set detections.width and height to the size of the picture "
+            "that the detector is given."
         )
-    return max(left, 0), max(top, 0), min(right, camera.width), min(bottom, camera.height)
+    return max(left, 0), max(top, 0), min(right, wide), min(bottom, high)

@@ -117,24 +117,27 @@ class Claim:
         class_id: a number or a name, by its labels.
         score: 0..1.
         box: pixels of the picture that it was given.
-        distance: from the camera along the floor, metres; 0 where it says none.
+        depth: of the thing along the camera's axis, metres; 0 where it says none.
     """
 
     class_id: str
     score: float
     box: Box
-    distance: float = 0.0
+    depth: float = 0.0
 
 
 MOST_DETECTIONS = 500
 """Of a message; depthai's detectors and TensorFlow's give 100 at most, others 300."""
+
+FURTHEST_M = 50.0
+"""Depth beyond which a message is of no room; depthai measures up to 10 m."""
 
 
 def detections_from_message(message: Any) -> list[Claim]:
     """What a Detection2DArray or a Detection3DArray says, as depthai_ros_driver fills them.
 
     Boxes of both are in pixels; of the second the positions of the results tell how far things
-    are, metres in the camera's optical frame. What has neither name nor extent says nothing.
+    are, metres along the camera's axis. What has no name or no extent says nothing.
 
     Raises:
         ValueError: too many of them, or numbers that make no sense; one sentence.
@@ -152,15 +155,20 @@ def detections_from_message(message: Any) -> list[Claim]:
         size, at = getattr(one.bbox, "size", None), best.pose.pose.position
         wide, high = (size.x, size.y) if size else (one.bbox.size_x, one.bbox.size_y)
         middle, score = one.bbox.center.position, best.hypothesis.score
-        if not all(map(math.isfinite, (middle.x, middle.y, wide, high, at.x, at.z))):
+        depth = at.z if size else 0.0
+        if not all(map(math.isfinite, (middle.x, middle.y, wide, high, depth))):
             raise ValueError("A detection holds a number that is not finite.")
+        if min(wide, high) < 0 or not 0 <= depth <= FURTHEST_M:
+            raise ValueError(
+                f"A detection's box is {wide:g} by {high:g} pixels, {depth:g} m away: expected no "
+                f"negative numbers and at most {FURTHEST_M:g} m."
+            )
         if not 0.0 <= score <= 1.0:
             raise ValueError(f"A detection's score is {score:g}, expected 0 to 1.")
-        if wide <= 0 or high <= 0:
+        if min(wide, high) == 0:
             continue
         box = middle.x - wide / 2, middle.y - high / 2, middle.x + wide / 2, middle.y + high / 2
-        far = math.hypot(at.x, at.z) if size and at.z > 0 else 0.0
-        told.append(Claim(best.hypothesis.class_id, score, box, far))
+        told.append(Claim(best.hypothesis.class_id, score, box, depth))
     return told
 
 

@@ -31,7 +31,7 @@ class CameraFrame:
     For a policy that reads sightings it is what a detector said of one, and ``decode`` gives those.
     ``decode(n)`` gives every n-th row and column only. ``height`` and ``width`` are in pixels;
     ``data`` are its bytes, for comparison only; ``fault`` is one sentence when it is known to be no
-    picture without decoding it.
+    picture without decoding it, ``waiting`` when that may pass.
     """
 
     stamp_ns: int = NEVER_NS
@@ -40,6 +40,7 @@ class CameraFrame:
     width: int = 0
     data: Any = None
     fault: str = ""
+    waiting: str = ""
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,8 @@ def _age_complaint(t: float, inputs: SensorInputs, field_name: str, limit: float
     if t - made <= limit:
         return ""
     if t - arrived > limit:
-        cure = ": start the camera's driver again" if field_name == "frame" else ""
+        driver = "camera's driver" if inputs.view == PICTURE else "detector"
+        cure = f": start the {driver} again" if field_name == "frame" else ""
         return f"the newest {name} is {t - made:.2f} s old (limit {limit:g} s){cure}"
     if stamp == 0:
         return f"the {name} arrives without a time, stamped 0: set it in its driver"

@@ -58,20 +58,21 @@ def unsuitable(check_size: CheckSize, height: int, width: int) -> str:
 
 def _about(frame: CameraFrame) -> tuple[object, ...]:
     """What is known of a picture without its bytes: ``camera_info`` may change it."""
-    return frame.fault, frame.height, frame.width
+    return frame.fault, frame.waiting, frame.height, frame.width
 
 
 class PictureWatch:
     """Looks at every picture that arrives; see ``repeats`` for when a camera is frozen."""
 
-    def __init__(self, check_size: CheckSize, frozen_time: float) -> None:
-        """Watch pictures.
+    def __init__(self, check_size: CheckSize | None, frozen_time: float) -> None:
+        """Watch pictures, or what a detector says of them.
 
         Args:
-            check_size: the policy's.
+            check_size: the policy's; None where it looks at detections.
             frozen_time: stamps may advance by this much over one picture, seconds; 0 is for ever.
         """
         self._check_size, self._frozen_time = check_size, frozen_time
+        self._what = ("camera", "picture") if check_size else ("detector", "message")
         self._frame: CameraFrame | None = None
         self._check = PictureCheck()
         self._repeats = Repeats()
@@ -102,11 +103,13 @@ class PictureWatch:
         if lasted + (stamp - before) <= self._frozen_time:
             return self._check
         return PictureCheck(
-            waiting=f"The camera is frozen: it has sent one picture for {lasted:.1f} s under new "
-            "stamps. Start its driver again."
+            waiting=f"The {self._what[0]} is frozen: it has sent one {self._what[1]} for "
+            f"{lasted:.1f} s under new stamps. Start its driver again."
         )
 
     def _read(self, frame: CameraFrame) -> PictureCheck:
+        if self._check_size is None:
+            return PictureCheck(waiting=frame.waiting, fault=frame.fault)
         fault = frame.fault or unsuitable(self._check_size, frame.height, frame.width)
         if fault:
             return PictureCheck(fault=fault)

@@ -212,6 +212,21 @@ def beams(
     return Beams(bearing, masks, masked, hull, abs(step))
 
 
+def points_around(scan: Scan, mount: Mount, radius: float) -> np.ndarray:
+    """The returns of a scan from beyond the robot's hull: float64 [N, 2], metres in base_link.
+
+    Args:
+        scan: its fields make sense (``malformed``).
+        mount: of the scanner.
+        radius: of the hull, metres.
+    """
+    ranges = np.asarray(scan.ranges, np.float64)
+    there = beams(ranges.size, scan.angle_min, scan.angle_increment, mount, (), 0.0, radius)
+    seen = measured(ranges, scan) & (ranges > there.hull)
+    bearing, far = there.bearing[seen], ranges[seen]
+    return np.column_stack([mount.x + far * np.cos(bearing), mount.y + far * np.sin(bearing)])
+
+
 def look(
     scan: Scan,
     mount: Mount,

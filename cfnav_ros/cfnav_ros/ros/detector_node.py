@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rclpy.clock import Clock, ClockType
@@ -21,7 +21,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from cfnav_core.detect.detector import LEAST, OnnxDetector
 from cfnav_core.robot.robot import robot_setting
 from cfnav_core.robot.settings import setting
-from cfnav_core.robot.topics import TOPICS
+from cfnav_core.robot.topics import DETECTIONS_2D, TOPICS
 from cfnav_ros.drive.diagnostics import Level, Rate, Report, Stopwatch
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.node_process import run_node
@@ -59,7 +59,8 @@ class DetectorNode(Node):
         )
         self._times, self._rate, self._fault = Stopwatch(), Rate(), "No picture has arrived."
         self._found = self._times.timed(lambda rgb: detector(rgb, given.least))
-        self._publisher = publisher(self, robot.topics.get("detections", TOPICS["detections"]))
+        topic = robot.topics.get("detections", TOPICS["detections"])
+        self._publisher = publisher(self, replace(topic, type=DETECTIONS_2D))
         self._diagnostics = publisher(self, TOPICS["diagnostics"])
         picture = robot.topics["image"]
         newest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)

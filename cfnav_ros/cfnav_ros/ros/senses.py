@@ -24,12 +24,11 @@ from sensor_msgs.msg import (
 
 from cfnav_core.policy.policy import Policy
 from cfnav_core.robot.robot import Robot
-from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.drive import fields
 from cfnav_ros.drive.camera_watch import CameraWatch
-from cfnav_ros.drive.detection_watch import DetectionWatch, watch_of
+from cfnav_ros.drive.detection_watch import DetectionWatch
 from cfnav_ros.drive.diagnostics import STATUSES, Rate
-from cfnav_ros.drive.inputs import DETECTIONS, CameraFrame, PictureCheck, SensorInputs, needed
+from cfnav_ros.drive.inputs import DETECTIONS, CameraFrame, SensorInputs, needed
 from cfnav_ros.drive.picture_watch import PictureWatch
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import BaseCheck, explain_silence, relatives
@@ -64,11 +63,12 @@ class Senses:
         self._node, self._settings, self._wake = node, settings, wake
         self.heard: set[str] = set()
         """Fields of ``SensorInputs`` and ``diagnostics.STATUSES`` of which a message has come."""
-        self._pictures = PictureWatch(policy.check_size, settings.frozen_picture_time)
         self._detections: DetectionWatch | None = None
         if policy.reads_sightings:
             self._detections = self._watch_detections(policy, robot)
             self.inputs = replace(self.inputs, view=DETECTIONS)
+        check_size = None if self._detections else policy.check_size
+        self._pictures = PictureWatch(check_size, settings.frozen_picture_time)
         newest = qos_profile_sensor_data
         only_newest = QoSProfile(depth=1, reliability=newest.reliability)
         if settings.lock_step:  # nothing may be lost: the simulator waits until all has come
@@ -76,10 +76,9 @@ class Senses:
         self._listeners: dict[str, Listener] = {}
         """By field of ``SensorInputs``, or by the name that the thing has in ``STATUSES``."""
         view = "detections" if policy.reads_sightings else "image"
-        on_view = self._on_detections if policy.reads_sightings else self._on_image
         kind_of_view = message_type(robot.topics[view].type)
         for heard, role, kind, act, qos in (
-            ("frame", view, kind_of_view, on_view, only_newest),
+            ("frame", view, kind_of_view, self._on_view, only_newest),
             ("estimate", "estimate", CollisionEstimate, self._on_estimate, 5),
             ("odometry", "odom", Odometry, self._on_odometry, newest),
             ("tilt", "joint_states", JointState, self._on_joints, newest),
@@ -111,20 +110,12 @@ class Senses:
         self._rates = {name: Rate() for name in self._listeners if name not in STATUSES}
 
     def _watch_detections(self, policy: Policy, robot: Robot) -> DetectionWatch:
-        settings = self._settings
         if "detections" not in robot.topics:
             raise ValueError(
                 f"The robot {robot.name} has no topic for detections, which bundle {policy.name} "
                 "reads: name one in its file."
             )
-        if settings.detections.far_by == "lidar" and robot.lidar.mount == "tf":
-            raise ValueError(
-                "detections.far_by is lidar, but the robot's file leaves where that sits to TF: "
-                "say it there, or set detections.far_by to size."
-            )
-        told = "camera_info" in robot.topics or policy.camera is None
-        camera = None if told else Pinhole.of(policy.camera)  # type: ignore[arg-type]
-        return watch_of(settings.detections, robot, settings.episode, camera)
+        return DetectionWatch(self._settings.detections, robot)
 
     @property
     def view_topic(self) -> str:
@@ -162,6 +153,8 @@ class Senses:
         """
         for name in self._guarded:
             self._begin_anew(name)
+        if self._detections:
+            self._detections.restart()
         self.inputs = replace(self.inputs, rival="")
 
     def hold(self) -> None:
@@ -235,8 +228,9 @@ class Senses:
             notes[name] = explain_silence(topic, expected, sources, relatives(topic, names))
         self.inputs = replace(self.inputs, base=base, notes=notes)
 
-    def _on_image(self, message: Image | CompressedImage) -> None:
-        if not self._take("frame", self._frame, message):
+    def _on_view(self, message: Any) -> None:
+        convert = self._sightings if self._detections else self._frame
+        if not self._take("frame", convert, message):
             return
         inputs = self.inputs
         picture = self._pictures.look(inputs.frame, inputs.odometry, inputs.tilt)
@@ -246,25 +240,21 @@ class Senses:
     def _frame(self, message: Image | CompressedImage) -> CameraFrame:
         return self._camera.see(conversions.frame_from_message(message))
 
-    def _on_detections(self, message: Any) -> None:
-        if not self._take("frame", self._sightings, message):
-            return
-        fault = self.inputs.frame.fault
-        self.inputs = replace(self.inputs, picture=PictureCheck(fault=fault))
-        self._wake()
-
     def _sightings(self, message: Any) -> CameraFrame:
+        """What a detector says; what makes no sense stops the robot as long as it is the newest."""
         assert self._detections is not None
-        angle = self.inputs.tilt.angle
-        return self._detections.see(
-            fields.stamp_to_ns(message.header.stamp), fields.detections_from_message(message),
-            angle if math.isfinite(angle) else 0.0,
-        )  # fmt: skip
+        stamp_ns, angle = fields.stamp_to_ns(message.header.stamp), self.inputs.tilt.angle
+        try:
+            claims = fields.detections_from_message(message)
+        except ValueError as error:
+            return CameraFrame(stamp_ns, waiting=str(error))
+        return self._detections.see(stamp_ns, claims, angle if math.isfinite(angle) else 0.0)
 
     def _on_scan(self, message: LaserScan) -> None:
         assert self._detections is not None
-        scan = fields.scan_from_message(message)
-        self._detections.hear(fields.stamp_to_seconds(message.header.stamp), scan)
+        if not self._rivaled("scan"):
+            scan = fields.scan_from_message(message)
+            self._detections.hear(fields.stamp_to_seconds(message.header.stamp), scan)
 
     def _on_camera(self, message: CameraInfo) -> None:
         self.heard.add("camera info")

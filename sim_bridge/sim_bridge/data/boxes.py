@@ -24,6 +24,8 @@ from tqdm import tqdm
 from cfnav_core.command import need
 from cfnav_core.detect.errors import SHIPPED, ErrorModel, Thing
 from cfnav_core.detect.sightings import (
+    SIZES,
+    Ranging,
     Sighting,
     by_ranges,
     by_size,
@@ -83,7 +85,16 @@ class BoxOptions:
     @property
     def kind(self) -> str:
         """What makes the boxes."""
-        return f"boxes {BOXES_VERSION} by errors {sha256(self.errors)[:16]}, far by {self.distance}"
+        errors, sizes = sha256(self.errors)[:8], sha256(SIZES)[:8]
+        return f"boxes {BOXES_VERSION}, errors {errors}, sizes {sizes}, far by {self.distance}"
+
+
+def way_of(kind: str, seed: int, options: BoxOptions) -> By:
+    """How distances are known in a room."""
+    if options.distance != "mixed":
+        return options.distance
+    rng = np.random.default_rng([zlib.crc32(kind.encode()), seed, BOXES_VERSION, 1])
+    return MIXED[rng.integers(len(MIXED))]
 
 
 def box_scene(kind: str, seed: int, options: BoxOptions) -> None:
@@ -109,8 +120,7 @@ def box_scene(kind: str, seed: int, options: BoxOptions) -> None:
         )
     model, pinhole = ErrorModel.load(options.errors), Pinhole.of(set_up)
     rng = np.random.default_rng([zlib.crc32(kind.encode()), seed, BOXES_VERSION])
-    by = rng.choice(MIXED) if options.distance == "mixed" else options.distance
-    far = _rangings(world, seed, rng)[by]
+    far = _rangings(world, seed, rng)[way_of(kind, seed, options)]
     degree = pinhole.fx * np.radians(1)
     rows = []
     with Camera(world, set_up) as camera:
@@ -136,21 +146,34 @@ Far = Callable[[Sighting, Thing | None], float]
 
 def _rangings(world: World, seed: int, rng: np.random.Generator) -> dict[By, Callable[[Pose], Far]]:
     """For each way to know distances, how they are known at a pose."""
+    from sim_bridge.world.world import LIDAR_X
+
     noise, sizes = Noise(NoiseLevels(), seed), by_size(known_sizes())
 
+    def around(pose: Pose) -> Ranging:
+        far = noise.scan(world.scan(BEAMS, pose))
+        x, y = LIDAR_X + far * np.cos(BEAMS), far * np.sin(BEAMS)
+        return by_ranges(np.arctan2(y, x), np.hypot(x, y))
+
     def lidar(pose: Pose) -> Far:
-        ranging = by_ranges(BEAMS, noise.scan(world.scan(BEAMS, pose)))
+        ranging = around(pose)
         return lambda sighting, _: ranging(sighting)
 
-    def depth(sighting: Sighting, thing: Thing | None) -> float:
-        if thing is None or rng.random() < DEPTH_BLIND:
-            return 0.0
-        return thing.distance * max(1 + rng.normal(0, DEPTH_ERROR), 0.0)
+    def depth(pose: Pose) -> Far:
+        behind = around(pose)  # a camera measures something also where nothing is that was said
+
+        def far(sighting: Sighting, thing: Thing | None) -> float:
+            if rng.random() < DEPTH_BLIND:
+                return 0.0
+            true = thing.distance if thing else behind(sighting)
+            return true * max(1 + rng.normal(0, DEPTH_ERROR), 0.0)
+
+        return far
 
     return {
         "size": lambda _: lambda sighting, _: sizes(sighting),
         "lidar": lidar,
-        "depth": lambda _: depth,
+        "depth": depth,
         "nothing": lambda _: lambda *_: 0.0,
     }
 

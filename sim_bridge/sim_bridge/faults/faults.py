@@ -276,6 +276,7 @@ _DETECTIONS = {
     "detections_stamp_future": Fault(_SAID, shifted(FUTURE_S)),
     "detections_stamp_back": Fault(_SAID, shifted(PAST_S)),
     "detections_rival": Fault(),
+    "detections_frozen": Fault(_SAID, frozen("detections")),
     **_of(_SAID, detection_faults.SHAPES),
 }
 """Nothing happens to a robot without a detector."""

@@ -33,6 +33,7 @@ from sim_bridge.faults.schedule import FaultSchedule
 from sim_bridge.robot.lidar_turn import LidarTurn
 from sim_bridge.robot.rplidar import MODES, STANDARD
 from sim_bridge.ros import conversions as to_msg
+from sim_bridge.ros.detector import detections
 from sim_bridge.ros.lock_step import PATIENCE_S
 from sim_bridge.ros.pacing import Every
 from sim_bridge.ros.parameters import MockParameters
@@ -265,7 +266,7 @@ class Broadcast:
     def _detections(self) -> None:
         if self._camera_runs:
             found = self._stage.detections()
-            self._send(DETECTIONS, to_msg.detections(found, self._now), DETECTION_LATENCY)
+            self._send(DETECTIONS, detections(found, self._now), DETECTION_LATENCY)
 
     def _depth(self) -> None:
         if not self._camera_runs:

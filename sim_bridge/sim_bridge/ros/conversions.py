@@ -34,22 +34,12 @@ from sensor_msgs.msg import (
     PointField,
 )
 from std_msgs.msg import Header
-from vision_msgs.msg import (
-    BoundingBox2D,
-    Detection2D,
-    Detection2DArray,
-    ObjectHypothesis,
-    ObjectHypothesisWithPose,
-    Point2D,
-    Pose2D,
-)
 
 from cfnav_core.task.actions import STEP_M
 from sim_bridge.robot import rplidar
 from sim_bridge.robot.packing import pack
 
 if TYPE_CHECKING:
-    from cfnav_core.perception.boxes import Detection
     from cfnav_core.task.camera import CameraSetUp
     from sim_bridge.robot.base import SimulatedOdometry
     from sim_bridge.robot.simulator import Simulator
@@ -80,26 +70,6 @@ def stamp(t: float) -> Time:
 def header(t: float, frame: str) -> Header:
     """A header: simulated time in seconds, frame name."""
     return Header(stamp=stamp(t), frame_id=frame)
-
-
-def detections(found: Iterable[tuple[int, Detection]], t: float) -> Detection2DArray:
-    """What a detector says of a picture, as depthai_ros_driver says it: classes by number.
-
-    Each detection's own header is empty, and its id is the number again.
-    """
-    return Detection2DArray(
-        header=header(t, CAMERA_FRAME), detections=[_detection(n, one) for n, one in found]
-    )
-
-
-def _detection(number: int, one: Detection) -> Detection2D:
-    left, top, right, bottom = one.box
-    said = ObjectHypothesis(class_id=str(number), score=one.score)
-    middle = Pose2D(position=Point2D(x=(left + right) / 2, y=(top + bottom) / 2))
-    return Detection2D(
-        results=[ObjectHypothesisWithPose(hypothesis=said)], id=str(number),
-        bbox=BoundingBox2D(center=middle, size_x=right - left, size_y=bottom - top),
-    )  # fmt: skip
 
 
 def quaternion(yaw: float = 0.0, pitch: float = 0.0) -> Quaternion:

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from vision_msgs.msg import (
+    BoundingBox2D,
+    Detection2D,
+    Detection2DArray,
+    ObjectHypothesis,
+    ObjectHypothesisWithPose,
+    Point2D,
+    Pose2D,
+)
 
 from cfnav_core.detect.labels import load_labels
 from cfnav_core.task.pinhole import Pinhole
+from sim_bridge.ros.conversions import CAMERA_FRAME, header
 from sim_bridge.world.things import Things
 
 if TYPE_CHECKING:
@@ -45,3 +56,23 @@ class Detector:
         degree = Pinhole.of(camera.set_up).fx * math.radians(1)
         said = self._errors.says(there, tuple(self._numbers), size, degree, self._rng)
         return [(self._numbers[found.name], found) for found, _ in said]
+
+
+def detections(found: Iterable[tuple[int, Detection]], t: float) -> Detection2DArray:
+    """What a detector says of a picture, as depthai_ros_driver says it: classes by number.
+
+    Each detection's own header is empty, and its id is the number again.
+    """
+    return Detection2DArray(
+        header=header(t, CAMERA_FRAME), detections=[_detection(n, one) for n, one in found]
+    )
+
+
+def _detection(number: int, one: Detection) -> Detection2D:
+    left, top, right, bottom = one.box
+    said = ObjectHypothesis(class_id=str(number), score=one.score)
+    middle = Pose2D(position=Point2D(x=(left + right) / 2, y=(top + bottom) / 2))
+    return Detection2D(
+        results=[ObjectHypothesisWithPose(hypothesis=said)], id=str(number),
+        bbox=BoundingBox2D(center=middle, size_x=right - left, size_y=bottom - top),
+    )  # fmt: skip

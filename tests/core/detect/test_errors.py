@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from cfnav_core.detect.errors import ErrorModel, Recall, Thing
+from cfnav_core.detect.errors import SHIPPED, ErrorModel, Recall, Thing
 from cfnav_core.perception.boxes import Detection
 
 SIZE, DEGREE = (448, 252), 6.0
@@ -51,7 +52,7 @@ def test_boxes_jitter_by_a_share_of_their_size_within_the_picture() -> None:
 
 
 def test_false_alarms_come_as_often_as_the_model_says_and_lie_in_the_picture() -> None:
-    said = often(replace(PERFECT, false_alarms=0.5))
+    said = often(replace(PERFECT, false_alarms=0.5 / len(NAMES)))
     assert np.mean([len(one) for one in said]) == pytest.approx(0.5, abs=0.1)
     boxes = np.array([one.box for many in said for one in many])
     assert boxes.min() >= 0
@@ -70,7 +71,23 @@ def test_the_shipped_errors_are_a_detectors() -> None:
     model = ErrorModel.load()
     small, large = (model.recall.probability(MUG, degrees) for degrees in (2, 20))
     assert 0 < small < large < 1
+    assert model.recall.share > 0 >= model.recall.distance
     assert 0 < model.jitter < 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"jitter": "x"}, "not supported"), ({"found": [0, -1]}, "found is"),
+        ({"least": None}, "not supported"), ({"confused": 2}, "confused is 2"),
+        ({"confusions": {"Mug": {"Bowl": 0}}}, "weight"), ({"confusions": None}, "no attribute"),
+    ],
+)  # fmt: skip
+def test_numbers_that_make_no_sense_are_refused(tmp_path: Path, change: dict, why: str) -> None:
+    path = tmp_path / "errors.yaml"
+    path.write_text(yaml.safe_dump(yaml.safe_load(SHIPPED.read_text()) | change))
+    with pytest.raises(ValueError, match=why):
+        ErrorModel.load(path)
 
 
 @pytest.mark.parametrize("text", ["", "recall: 3", "{"])

@@ -81,5 +81,7 @@ def test_a_damaged_map_is_told_in_one_sentence(tmp_path, text, found):
 
 
 def test_a_map_that_is_not_there():
-    with pytest.raises(ValueError, match="found no labels 'cocoa', expected a file or one of coco"):
+    with pytest.raises(
+        ValueError, match="found no labels 'cocoa', expected a file or one of cfnav, coco"
+    ):
         load_labels("cocoa")

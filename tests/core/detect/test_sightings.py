@@ -103,6 +103,12 @@ def test_the_lidar_tells_how_far_what_is_in_the_direction_of_a_box_is() -> None:
     assert far(Sighting("Mug", 1, math.radians(-150), 0, 0.1, 0.1)) == 0
 
 
+def test_numbers_that_are_none_are_no_table() -> None:
+    for wrong in (math.nan, math.inf, 1e6):
+        with pytest.raises(ValueError, match="not finite"):
+            table([Sighting("Mug", 0.9, 0.1, 0.0, 0.1, 0.1, wrong)], ("Mug",))
+
+
 def test_a_policy_that_reads_sightings_is_given_no_picture() -> None:
     eyes = SightingEyes(("Mug",), (4,))
     found = eyes.observe([Sighting("Mug", 0.5, 0, 0, 0.1, 0.1)])

@@ -84,7 +84,26 @@ def test_it_is_tested_in_scenes_of_any_detector(bundle: Path, tmp_path: Path) ->
     for made_by in ("boxes", "another"):
         scene = replace(seen, fields=SIGHTINGS, detections=sightings, perception=made_by)
         scene.save(tmp_path / made_by / "kitchen_00000")
-        assert len(evaluate(bundle, tmp_path / made_by, 5, 0, rooms=[seen.name]).results) == 5
+        assert (
+            len(evaluate(bundle, tmp_path / made_by, 5, 0, p_hat="true", rooms=[seen.name]).results)
+            == 5
+        )
     seen.save(tmp_path / "scores" / "kitchen_00000")
     with pytest.raises(SceneError, match="cfnav rooms boxes"):
-        evaluate(bundle, tmp_path / "scores", 5, 0, rooms=[seen.name])
+        evaluate(bundle, tmp_path / "scores", 5, 0, p_hat="zero", rooms=[seen.name])
+    with pytest.raises(ValueError, match=r"sees no pictures on the robot.*choose lidar"):
+        evaluate(bundle, tmp_path / "boxes", 5, 0, rooms=[seen.name])
+
+
+def test_a_model_that_reads_pictures_too_is_no_bundle_without_them(tmp_path: Path) -> None:
+    checkpoint = save_fresh(tmp_path / "best.safetensors", "compact", None, ("Mug",))
+    with pytest.raises(ValueError, match="reads features of pictures beside sightings"):
+        export_bundle(checkpoint, None, tmp_path / "out", "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_answers_that_are_no_numbers_are_no_decision(bundle: Path) -> None:
+    policy = Policy.load(bundle)
+    policy.reset("Mug")
+    with pytest.raises(ValueError, match="not finite"):
+        policy.act([replace(MUG, azimuth=float("nan"))], 0.3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace as Of
 
 import numpy as np
@@ -12,18 +13,24 @@ from cfnav_ros.drive.fields import MOST_DETECTIONS, Claim, detections_from_messa
 from cfnav_ros.lidar.returns import Scan
 
 from cfnav_core.detect.sightings import known_sizes
-from cfnav_core.robot.robot import Lidar, load_robot
-from cfnav_core.task.camera import CAMERAS
+from cfnav_core.perception.boxes import Box
+from cfnav_core.robot.robot import Robot, load_robot
+from cfnav_core.task.camera import CAMERAS, MAST
 from cfnav_core.task.pinhole import Pinhole
 
 WIDE = Pinhole.of(CAMERAS["stock_wide"])
 MIDDLE = Claim("41", 0.8, (200.0, 100.0, 248.0, 152.0))
 NS = 5_000_000_000
+ROBOT = load_robot("turtlebot4")
 
 
-def watch(camera: Pinhole | None = WIDE, lidar: Lidar | None = None, **said) -> DetectionWatch:
-    settings = DetectionSettings(**{"labels": "coco", "far_by": "nothing", **said})
-    return DetectionWatch(settings, camera, lidar or load_robot("turtlebot4").lidar, 0.175, 0.5)
+def watch(camera: Pinhole | None = WIDE, robot: Robot = ROBOT, **said) -> DetectionWatch:
+    made = DetectionWatch(
+        DetectionSettings(**{"labels": "coco", "far_by": "nothing", **said}), robot
+    )
+    if camera:
+        made.tell(camera)
+    return made
 
 
 def told_of(*detections, size=None) -> list[Claim]:
@@ -54,12 +61,18 @@ def test_no_detection_is_a_frame_in_which_nothing_is_seen() -> None:
     assert watch().see(NS, [], 0.0).decode() == ()
 
 
-def test_depthais_detections_in_space_have_boxes_in_pixels_and_distances_in_metres() -> None:
-    (one,) = told_of(("41", 0.8, 100.0, 50.0, 20.0, 30.0, (0.5, 0.1, 1.2)), size="3d")
-    assert one.box == (90.0, 35.0, 110.0, 65.0)
-    assert one.distance == pytest.approx(math.hypot(0.5, 1.2))
-    (seen,) = watch(far_by="size").see(NS, [one], 0.0).decode()
-    assert seen.distance == one.distance
+@pytest.mark.parametrize("tilt", [0.0, -math.radians(30.0)])
+def test_depthais_detections_in_space_tell_how_far_things_are_along_the_floor(tilt: float) -> None:
+    """Boxes in pixels, metres along the axis of a camera that may look down."""
+    mast, ahead, left, down = Pinhole.of(MAST), 1.2, 0.4, 0.9
+    depth = ahead * math.cos(tilt) - down * math.sin(tilt)
+    rise = -down * math.cos(tilt) - ahead * math.sin(tilt)
+    u = mast.cx + 0.5 - mast.fx * left / depth
+    v = mast.cy + 0.5 - mast.fy * rise / depth
+    (one,) = told_of(("41", 0.8, u, v, 20.0, 30.0, (9.0, 9.0, depth)), size="3d")
+    assert one.box == pytest.approx((u - 10, v - 15, u + 10, v + 15))
+    (seen,) = watch(mast, far_by="size").see(NS, [one], tilt).decode()
+    assert seen.distance == pytest.approx(math.hypot(ahead, left))
 
 
 def test_the_picture_of_the_detector_may_be_of_another_size() -> None:
@@ -69,8 +82,53 @@ def test_the_picture_of_the_detector_may_be_of_another_size() -> None:
     larger = watch(square, width=300, height=300)
     (other,) = larger.see(NS, [Claim("41", 0.8, (120, 90, 180, 150))], 0.0).decode()
     assert other == own
-    found = watch(square).see(NS, [Claim("41", 0.8, (260, 90, 290, 150))], 0.0).fault
-    assert "picture of 250x250: set detections.width and height" in found
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        (460.0, 90.0, 520.0, 150.0), (-1e5, -1e5, 1e5, 1e5), (0.45, 0.45, 0.55, 0.55),
+        (100.0, 100.0, 100.5, 160.0), (600.0, 480.0, 1040.0, 800.0),
+    ],
+)  # fmt: skip
+def test_a_box_of_another_picture_is_a_fault(box: Box) -> None:
+    found = watch().see(NS, [MIDDLE, Claim("41", 0.8, box)], 0.0)
+    assert "in a picture of 448x252 pixels: set detections.width and height" in found.fault
+    with pytest.raises(ValueError, match="No picture"):
+        found.decode()
+
+
+def test_a_box_may_reach_a_little_beyond_the_picture() -> None:
+    (one,) = watch().see(NS, [Claim("41", 0.8, (-10.0, 100.0, 30.0, 152.0))], 0.0).decode()
+    (cut,) = watch().see(NS, [Claim("41", 0.8, (0.0, 100.0, 30.0, 152.0))], 0.0).decode()
+    assert one == cut
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        Pinhole(0.0, 0.0, 0.0, 0.0, 448, 252), Pinhole(1.0, 1.0, 0.0, 0.0, 448, 252),
+        Pinhole(1e-308, 1e-308, 223.5, 125.5, 448, 252), replace(WIDE, cx=math.nan),
+        replace(WIDE, cx=4000.0),
+    ],
+)  # fmt: skip
+def test_a_camera_info_that_is_no_view_is_a_fault(camera: Pinhole) -> None:
+    assert "which is no view: calibrate" in watch(camera).see(NS, [MIDDLE], 0.0).fault
+
+
+def test_the_size_of_the_detectors_picture_has_the_shape_of_camera_info() -> None:
+    found = watch(width=416, height=416).see(NS, [MIDDLE], 0.0).fault
+    assert "set to 416x416, but camera_info tells of 448x252, another shape" in found
+
+
+def test_the_camera_does_not_change_during_a_drive() -> None:
+    of = watch()
+    of.tell(replace(WIDE, fx=WIDE.fx + 1))
+    assert "another camera than before" in of.see(NS, [MIDDLE], 0.0).fault
+    of.restart()
+    assert "wait for camera_info" in of.see(NS, [MIDDLE], 0.0).waiting
+    of.tell(WIDE)
+    assert not of.see(NS, [MIDDLE], 0.0).fault
 
 
 def test_a_class_that_the_labels_lack_is_a_fault() -> None:
@@ -85,11 +143,17 @@ def test_a_class_that_the_labels_lack_is_a_fault() -> None:
         (("41", 1.7, 5.0, 5.0, 4.0, 4.0), r"score is 1\.7, expected 0 to 1"),
         (("41", 0.5, math.nan, 5.0, 4.0, 4.0), "number that is not finite"),
         (("41", 0.5, 5.0, 5.0, math.inf, 4.0), "number that is not finite"),
+        (("41", 0.5, 5.0, 5.0, -4.0, 4.0), "expected no negative numbers"),
     ],
 )
 def test_numbers_that_make_no_sense_are_no_message(row: tuple, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         told_of(row)
+
+
+def test_what_is_further_away_than_any_room_is_large_is_no_message() -> None:
+    with pytest.raises(ValueError, match=r"1e\+06 m away"):
+        told_of(("41", 0.5, 5.0, 5.0, 4.0, 4.0, (0.0, 0.0, 1e6)), size="3d")
 
 
 def test_a_flood_is_no_message_and_what_has_no_extent_is_left_out() -> None:
@@ -101,13 +165,9 @@ def test_a_flood_is_no_message_and_what_has_no_extent_is_left_out() -> None:
     assert detections_from_message(Of(detections=[Of(results=[], bbox=None)])) == []
 
 
-def test_boxes_wait_for_camera_info_and_follow_it() -> None:
+def test_boxes_wait_for_camera_info() -> None:
     of = watch(None)
-    with pytest.raises(ValueError, match="wait for camera_info"):
-        of.see(NS, [MIDDLE], 0.0)
-    of.tell(Pinhole(0.0, 0.0, 0.0, 0.0, 448, 252))  # nobody calibrated it
-    with pytest.raises(ValueError, match="wait for camera_info"):
-        of.see(NS, [MIDDLE], 0.0)
+    assert "wait for camera_info" in of.see(NS, [MIDDLE], 0.0).waiting
     of.tell(WIDE)
     assert of.see(NS, [MIDDLE], 0.0).decode() == watch().see(NS, [MIDDLE], 0.0).decode()
 
@@ -124,8 +184,9 @@ def test_distance_by_size_is_that_of_the_shipped_sizes() -> None:
     assert one.distance == pytest.approx(min(by_both))
 
 
-def scan(ranges: np.ndarray) -> Scan:
-    return Scan(ranges.astype(np.float32), -math.pi, math.pi, math.tau / len(ranges), 0.15, 12.0)
+def scan(ranges: np.ndarray, frame: str = "rplidar_link") -> Scan:
+    step = math.tau / len(ranges)
+    return Scan(ranges.astype(np.float32), -math.pi, math.pi - step, step, 0.15, 12.0, frame)
 
 
 def test_distance_by_the_lidar_is_what_stands_in_the_direction_of_the_box() -> None:
@@ -135,12 +196,27 @@ def test_distance_by_the_lidar_is_what_stands_in_the_direction_of_the_box() -> N
     ahead = np.abs(np.arange(720) / 2 - 180 + 90) < 4  # forward is -90 degrees of the laser's
     ranges[ahead] = 1.24
     ranges[::50] = np.nan
-    of.hear(NS * 1e-9 - 0.2, scan(ranges))
+    ranges[177:179] = 0.17  # a part of its own
+    taken = NS * 1e-9 - 0.3
+    of.hear(taken, scan(ranges))
+    of.hear(taken + 0.2, scan(ranges / 2))  # not sure to have come
+    of.hear(taken, scan(ranges / 2, "another"))
+    of.hear(taken, replace(scan(ranges / 2), angle_increment=0.0))
     (one,) = of.see(NS, [MIDDLE], 0.0).decode()
     assert one.distance == pytest.approx(1.2, abs=0.01)  # the laser sits 4 cm behind the middle
     left = Claim("41", 0.8, (10.0, 100.0, 50.0, 152.0))
     assert of.see(NS, [left], 0.0).decode()[0].distance == pytest.approx(3.0, abs=0.05)
-    assert of.see(NS + 2_000_000_000, [MIDDLE], 0.0).decode()[0].distance == 0  # of long ago
+    assert of.see(NS + 1_000_000_000, [MIDDLE], 0.0).decode()[0].distance == 0  # of long ago
+
+
+def test_what_the_robot_does_not_tell_is_refused() -> None:
+    without = {role: topic for role, topic in ROBOT.topics.items() if role != "camera_info"}
+    with pytest.raises(ValueError, match="turtlebot4 has no camera_info"):
+        watch(robot=replace(ROBOT, topics=without))
+    by_tf = replace(ROBOT, lidar=replace(ROBOT.lidar, mount="tf"))
+    with pytest.raises(ValueError, match="leaves where that sits to TF"):
+        watch(robot=by_tf, far_by="lidar")
+    assert watch(robot=by_tf, far_by="size").see(NS, [MIDDLE], 0.0).decode()
 
 
 def test_settings_that_contradict_are_refused() -> None:

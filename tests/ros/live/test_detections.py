@@ -143,5 +143,5 @@ def test_a_bag_with_detections_and_no_pictures_is_replayed(
 
     pictures = evaluate(config.bag, replace(options, bundles={"default": "default"}))
     assert {left.reason for left in pictures.left_out} == {
-        "The policy failed: the bag holds no picture of this decision."
+        "Not decided: the bag holds no picture of this decision."
     }

@@ -41,10 +41,7 @@ ALSO_NAMED = {
         "image_raw/compressed", "image/compressed",
     ),
     "camera_info": ("rgb/preview/camera_info", "camera_info"),
-    "detections": (
-        "nn/detections", "nn/spatial_detections", "detections_output", "oakd/nn/detections",
-        "oakd/nn/spatial_detections",
-    ),
+    "detections": ("nn/spatial_detections", "detections_output"),
     "cmd_vel": ("cmd_vel_unstamped",),
     "map": ("map",),
 }  # fmt: skip
@@ -63,7 +60,7 @@ def role_of(role: str, own: str = "") -> Role:
     return Role(
         types=(topic.type, other) if other else (topic.type,),
         names=tuple(name.lstrip("/") for name in names if name),
-        by_type=role not in ("tf", "tf_static"),
+        by_type=role not in ("tf", "tf_static", "detections"),
         other=SOMETHING_ELSE.get(role, ()),
     )
 

@@ -22,7 +22,6 @@ import numpy as np
 
 from cfnav_core.perception.perception import Perceived
 from cfnav_core.policy.policy import Policy, View
-from cfnav_core.robot.robot import Robot
 from cfnav_core.task.actions import Action
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_ros.bags.files.events import (
@@ -45,7 +44,7 @@ from cfnav_ros.bags.replay.kept_pictures import KeptPictures
 from cfnav_ros.bags.replay.step import LeftOut, ReplayStep
 from cfnav_ros.bags.replay.view import ReplayView, view
 from cfnav_ros.drive.camera_watch import WHOLE, Crop, fitting
-from cfnav_ros.drive.detection_watch import DetectionSettings, DetectionWatch, watch_of
+from cfnav_ros.drive.detection_watch import DetectionWatch
 from cfnav_ros.drive.inputs import DETECTIONS, PICTURE
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.robot.stamps import seconds
@@ -73,8 +72,8 @@ class _Moment:
     t_ns: int
     step: int
     picture: Picture | None
-    words: Picture | None
-    """What a detector said."""
+    detections: Picture | None
+    """What a detector said of it, with sightings in place of pixels."""
     estimate: Judged | None
     newest: Judged | None
     driven: Action
@@ -108,7 +107,7 @@ class Replay:
         limits: EpisodeLimits | None = None,
         infer: bool = False,
         bag: str = "",
-        words: DetectionWatch | None = None,
+        watch: DetectionWatch | None = None,
         look: Callable[[int, int, np.ndarray], None] = lambda stamp_ns, t_ns, rgb: None,
     ) -> None:
         """Prepare.
@@ -120,7 +119,7 @@ class Replay:
                 decisions ask; recorded ones say so themselves). Its defaults when None.
             infer: the bag holds no decisions: infer the driven actions.
             bag: name of the bag.
-            words: makes sightings of what a detector says; those with the shipped defaults if None.
+            watch: makes sightings of what a detector says; None where no bundle reads them.
             look: shown each picture that is decided on: its stamp, the time of the decision, RGB.
         """
         self._look = look
@@ -130,8 +129,8 @@ class Replay:
         self._estimates, self._limits, self._bag = estimates, limits or EpisodeLimits(), bag
         self._node_time, self._now_ns = NodeTime(), 0
         self._clocks, self._t_ns = Clocks(), 0
-        self._pictures, self._words = KeptPictures(), KeptPictures()
-        self._watch = words or watch_of(DetectionSettings(), Robot(), self._limits)
+        self._pictures, self._detections = KeptPictures(), KeptPictures()
+        self._watch = watch
         self._camera: Pinhole | None = None
         self._tilt = 0.0
         self._waiting: deque[_Asked | Told] = deque()
@@ -140,19 +139,18 @@ class Replay:
         self._goal, self._driver = "", ""
         self._drive_ns = self._step = 0
         self._driven = DrivenActions() if infer else None
-        self._seen: tuple[int, ReplayView] | None = None
+        self._seen: tuple[int, ReplayView, ReplayView] | None = None
 
     def see(self, event: Event) -> None:
         """Take the next event of the bag."""
         self._now_ns, self._t_ns = self._node_time.at(event), self._clocks.time(event)
         if isinstance(event, Picture):
             self._pictures.add(event, self._now_ns)
-        elif isinstance(event, Detected):
-            self._words.add(self._said(event), self._now_ns)
+        elif isinstance(event, Detected) and self._watch:
+            self._detections.add(self._said(self._watch, event), self._now_ns)
         elif isinstance(event, Calibrated):
-            self._camera = event.found
-            self._watch.tell(event.found)
-        elif isinstance(event, LaserTurn):
+            self._calibrate(event.found)
+        elif isinstance(event, LaserTurn) and self._watch:
             self._watch.hear(seconds(event.t_ns), event.scan)
         elif isinstance(event, Joint):
             self._tilt = event.angle
@@ -166,16 +164,19 @@ class Replay:
         if self._driven is not None and isinstance(event, Pose | Bumps | Joint):
             self._infer(self._driven.see(event))
 
-    def _said(self, event: Detected) -> Picture:
+    def _calibrate(self, camera: Pinhole) -> None:
+        if self._watch:
+            if camera != self._camera:
+                self._watch.restart()  # a bag may hold drives with several cameras
+            self._watch.tell(camera)
+        self._camera = camera
+
+    def _said(self, watch: DetectionWatch, event: Detected) -> Picture:
         """What a detector says as the live node would take it, or why it would not."""
-        try:
-            frame = self._watch.see(event.t_ns, event.claims, self._tilt)
-            problem = frame.fault
-        except ValueError as error:
-            problem = str(error)
+        frame = watch.see(event.t_ns, event.claims, self._tilt)
 
         def decode() -> Any:
-            if problem:
+            if problem := frame.fault or frame.waiting:
                 raise ValueError(problem)
             return frame.decode()
 
@@ -237,20 +238,17 @@ class Replay:
 
     def _is_there(self, decided: Decided) -> bool:
         scanned = not decided.estimate_ns or self._estimates.made_from(decided.estimate_ns)
-        looked_at = {self._kept_for(runner.policy) for runner in self._runners}
-        return bool(scanned) and all(kept.get(decided.image_ns) for kept in looked_at)
-
-    def _kept_for(self, policy: Policy) -> KeptPictures:
-        """Where what a policy looks at is kept."""
-        return self._words if policy.reads_sightings else self._pictures
+        kept = [kept for kept in (self._pictures, self._detections) if kept.newest[1]]
+        return bool(scanned and kept) and all(each.get(decided.image_ns) for each in kept)
 
     def _decide_again(self, asked: _Asked) -> None:
         decided = asked.decided
         self._close(decided.t_ns)
         self._follow_steps(decided)
-        picture, words = (kept.get(decided.image_ns) for kept in (self._pictures, self._words))
+        stamp_ns = decided.image_ns
+        picture, detections = self._pictures.get(stamp_ns), self._detections.get(stamp_ns)
         estimate = self._estimate_of(decided)
-        if picture is None and words is None:
+        if picture is None and detections is None:
             reason = f"The bag holds no picture stamped {_s(decided.image_ns)}."
             self._leave_out(decided.step, decided.t_ns, decided.action, reason)
         elif decided.estimate_ns and estimate is None:
@@ -258,7 +256,7 @@ class Replay:
             self._leave_out(decided.step, decided.t_ns, decided.action, reason)
         else:
             self._answer(_Moment(
-                decided.t_ns, decided.step, picture, words, estimate, asked.newest,
+                decided.t_ns, decided.step, picture, detections, estimate, asked.newest,
                 decided.action, decided.vetoed, decided.probabilities,
                 decided.collision_probability,
             ))  # fmt: skip
@@ -289,21 +287,21 @@ class Replay:
         for action in driven:
             self._take_inferred(action)
         if self._goal and (driven or self._seen is None or self._driven.at_keyframe):
-            newest = self._estimates.newest
-            kept = self._pictures if self._pictures.newest[1] else self._words
-            self._seen = self._t_ns, view(self._now_ns, kept, newest, self._limits)
+            newest, kept = self._estimates.newest, (self._pictures, self._detections)
+            pictures, detections = (view(self._now_ns, k, newest, self._limits) for k in kept)
+            self._seen = self._t_ns, pictures, detections
 
     def _take_inferred(self, action: Action) -> None:
         if not self._goal or self._seen is None:
             return
-        t_ns, seen = self._seen
+        t_ns, pictures, detections = self._seen
         self._step += 1
-        if seen.picture is None or seen.complaint:
-            self._leave_out(self._step, t_ns, action, seen.complaint)
+        picture, said = (None if of.complaint else of.picture for of in (pictures, detections))
+        if picture is None and said is None:
+            self._leave_out(self._step, t_ns, action, pictures.complaint)
             return
-        words, estimate = self._words.newest[1], seen.estimate
-        picture = seen.picture if self._pictures.newest[1] else None
-        self._answer(_Moment(t_ns, self._step, picture, words, estimate, estimate, action))
+        estimate = pictures.estimate
+        self._answer(_Moment(t_ns, self._step, picture, said, estimate, estimate, action))
         self._close(self._t_ns)
 
     # Both
@@ -317,13 +315,15 @@ class Replay:
 
     def _answer(self, moment: _Moment) -> None:
         """Let every bundle decide, then tell it what was driven."""
-        rgb: np.ndarray | None = None
+        rgb, problem = None, ""
         try:
             if moment.picture is not None:
                 rgb = moment.picture.decode()
                 self._look(moment.picture.t_ns, moment.t_ns, rgb)
         except ValueError as error:
-            self._leave_out(moment.step, moment.t_ns, moment.driven, str(error))
+            problem = str(error)
+        if problem and not moment.detections:
+            self._leave_out(moment.step, moment.t_ns, moment.driven, problem)
             return
         looks: dict[tuple[str, Crop], Perceived] = {}
         judged = moment.estimate
@@ -340,7 +340,7 @@ class Replay:
                 self._open.append(self._step_of(runner, looks[seen], moment))
             except ValueError as error:
                 runner.intact = False
-                self._refuse(runner.name, moment, f"The policy failed: {error}.")
+                self._refuse(runner.name, moment, f"Not decided: {str(error).rstrip('.')}.")
             policy.executed(moment.driven)
         if judged:
             self._lidar_said.append(judged.estimate.probability)
@@ -351,8 +351,8 @@ class Replay:
         Raises:
             ValueError: it is not in the bag, or means nothing.
         """
-        if policy.reads_sightings and moment.words:
-            return moment.words.decode()
+        if policy.reads_sightings and moment.detections:
+            return moment.detections.decode()
         if policy.reads_sightings or rgb is None:
             wanted = DETECTIONS if policy.reads_sightings else PICTURE
             raise ValueError(f"the bag holds no {wanted} of this decision")
@@ -379,7 +379,7 @@ class Replay:
         return ReplayStep(
             bag=self._bag, bundle=runner.name, driver=self._driver, drive_ns=self._drive_ns,
             goal=self._goal, step=moment.step, t_ns=moment.t_ns, until_ns=moment.t_ns,
-            image_ns=(moment.picture or moment.words or NOTHING).t_ns,
+            image_ns=(moment.picture or moment.detections or NOTHING).t_ns,
             estimate_ns=judged.t_ns if judged else 0,
             driven=moment.driven, driven_vetoed=moment.vetoed,
             driven_probabilities=moment.probabilities, driven_p_hat=moment.p_hat,
