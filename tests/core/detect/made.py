@@ -15,9 +15,9 @@ from tests.studies.eyes.made import save
 def constant_network(
     path: Path, outputs: Mapping[str, np.ndarray], shape: Sequence[int | str] = (1, 3, 32, 64),
     given: str = "images", kind: int = TensorProto.FLOAT, said: Mapping[str, str] | None = None,
-    asks: str = "",
+    asks: str = "", varies: float = 0.0,
 ) -> Path:  # fmt: skip
-    """Write a network whose outputs do not depend on what it is given.
+    """Write a network whose outputs hardly depend on what it is given.
 
     Args:
         path: of the file.
@@ -26,6 +26,7 @@ def constant_network(
         given: name of the input.
         kind: of its numbers.
         said: what the file says of itself.
+        varies: by which the mean of what it is given moves all outputs.
         asks: name of a second input, the size of the picture; its numbers scale no box.
     """
     nodes = [
@@ -45,7 +46,7 @@ def constant_network(
         for name, value in outputs.items()
     ]
     values = {f"value_{k}": value for k, value in enumerate(outputs.values())}
-    save(nodes, inputs, wanted, {"none": np.float32(0), **values}, path)
+    save(nodes, inputs, wanted, {"none": np.float32(varies), **values}, path)
     if said:
         model = onnx.load(path)
         helper.set_model_props(model, dict(said))

@@ -94,7 +94,9 @@ def test_a_detector_of_ones_own_drives_it(
     column = np.zeros((1, 84, 1), np.float32)
     column[0, :4, 0] = 32, 32, 16, 16
     column[0, 4 + 41, 0] = 0.9
-    model = constant_network(tmp_path / "cup.onnx", {"output0": column}, (1, 3, 64, 64))
+    model = constant_network(
+        tmp_path / "cup.onnx", {"output0": column}, (1, 3, 64, 64), varies=1e-3
+    )
     config = GraphConfig(
         ROOM, tmp_path / "logs", domain=ros_domain_id, bag=tmp_path / "bag", camera="mast",
         bundle=make_bundle(tmp_path, LISTS, reads_sightings=True), detector=str(model),
@@ -110,7 +112,7 @@ def test_a_detector_of_ones_own_drives_it(
         (one,) = reader.deserialize(data, said[0].msgtype).detections
     assert one.results[0].hypothesis.class_id == "cup"
     centre = one.bbox.center.position
-    assert (centre.x, centre.y, one.bbox.size_x) == pytest.approx((150, 150, 75))
+    assert (centre.x, centre.y, one.bbox.size_x) == pytest.approx((150, 150, 75), abs=0.1)
 
 
 def test_a_bag_with_detections_and_no_pictures_is_replayed(
@@ -142,6 +144,5 @@ def test_a_bag_with_detections_and_no_pictures_is_replayed(
     assert max(step.detection_score for step in drive.steps) > 0
 
     pictures = evaluate(config.bag, replace(options, bundles={"default": "default"}))
-    assert {left.reason for left in pictures.left_out} == {
-        "Not decided: the bag holds no picture of this decision."
-    }
+    assert len(pictures.left_out) == steps
+    assert all("holds no picture stamped" in left.reason for left in pictures.left_out)

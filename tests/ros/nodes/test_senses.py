@@ -81,18 +81,18 @@ def test_pictures_that_are_not_square_are_cut_by_their_camera_info(node):
     picture = Image(height=300, width=400, encoding="rgb8", step=1200)
     picture.data = array("B", rgb.tobytes())
     senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
-    senses._on_image(picture)
+    senses._on_view(picture)
     assert senses.inputs.stamps["frame"] == NEVER
     assert senses.inputs.notes["frame"].startswith("A picture of 400x300 waits for its camera_info")
     # The middle 300 of 400 columns are 90 degrees wide.
     k = [150.0, 0.0, 199.5, 0.0, 150.0, 149.5, 0.0, 0.0, 1.0]
     senses._on_camera(CameraInfo(height=300, width=400, k=k))
-    senses._on_image(picture)
+    senses._on_view(picture)
     assert senses.inputs.picture == PictureCheck()
     assert np.array_equal(senses.inputs.frame.decode(), rgb[:, 50:350])
     # The same bytes mean something else once another calibration comes.
     senses._on_camera(CameraInfo(height=300, width=400, k=[2 * f for f in k[:8]] + [1.0]))
-    senses._on_image(picture)
+    senses._on_view(picture)
     assert senses.inputs.picture.fault.startswith("The robot's camera shows a view of 67 x 53")
 
 
