@@ -144,6 +144,17 @@ def test_each_room_has_one_way_of_the_three_where_they_are_mixed(
     assert boxes.way_of("kitchen", 1, replace(options, distance="nothing")) == "nothing"
 
 
+def test_the_boxes_of_a_scene_are_those_of_their_version(
+    scenes: Path, faultless: Path, tmp_path: Path
+) -> None:
+    """When this fails, either the change is a mistake or the version must rise."""
+    found = made(scenes, tmp_path, errors=faultless, distance="lidar").detections.astype(float)
+    about = [np.count_nonzero(found[..., 0]), *found.sum((0, 1))]
+    assert boxes.BOXES_VERSION == 1
+    expected = [560, 297.83, -1.02, 101.23, 66.72, 74.38, 1043.52]
+    assert about == pytest.approx(expected, rel=0.005, abs=0.05)
+
+
 def test_rooms_that_are_there_are_kept_and_others_made_again(scenes: Path, tmp_path: Path) -> None:
     first = made(scenes, tmp_path, distance="size")
     path = room_folder(tmp_path, *ROOM) / "detections.npy"

@@ -151,8 +151,10 @@ def _rangings(world: World, seed: int, rng: np.random.Generator) -> dict[By, Cal
     noise, sizes = Noise(NoiseLevels(), seed), by_size(known_sizes())
 
     def around(pose: Pose) -> Ranging:
-        far = noise.scan(world.scan(BEAMS, pose))
-        x, y = LIDAR_X + far * np.cos(BEAMS), far * np.sin(BEAMS)
+        ranges = noise.scan(world.scan(BEAMS, pose))
+        returned = np.isfinite(ranges)
+        far, bearing = ranges[returned], BEAMS[returned]
+        x, y = LIDAR_X + far * np.cos(bearing), far * np.sin(bearing)
         return by_ranges(np.arctan2(y, x), np.hypot(x, y))
 
     def lidar(pose: Pose) -> Far:
