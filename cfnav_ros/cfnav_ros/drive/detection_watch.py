@@ -175,10 +175,16 @@ class DetectionWatch:
     ) -> list[Sighting]:
         far, seen = self._ranging(stamp), []
         for claim in claims:
-            name, box = self._labels.category(claim.class_id), _within(claim.box, camera)
+            name, box = self._name(claim), _within(claim.box, camera)
             one = sighted(Detection(name, claim.score, box), camera, tilt, claim.depth)
             seen.append(one if one.distance else replace(one, distance=far(one)))
         return seen
+
+    def _name(self, claim: Claim) -> str:
+        try:
+            return self._labels.category(claim.class_id)
+        except ValueError as error:
+            raise ValueError(f"The labels do not fit the detector: {error}") from None
 
     def _ranging(self, stamp: float) -> Ranging:
         by, (least, most) = self._settings.far_by, SCAN_AGES_S

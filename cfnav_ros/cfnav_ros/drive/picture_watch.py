@@ -72,7 +72,6 @@ class PictureWatch:
             frozen_time: stamps may advance by this much over one picture, seconds; 0 is for ever.
         """
         self._check_size, self._frozen_time = check_size, frozen_time
-        self._what = ("camera", "picture") if check_size else ("detector", "message")
         self._frame: CameraFrame | None = None
         self._check = PictureCheck()
         self._repeats = Repeats()
@@ -102,9 +101,11 @@ class PictureWatch:
         # By the next picture the time will have passed.
         if lasted + (stamp - before) <= self._frozen_time:
             return self._check
+        what = "The camera is frozen: it has sent one picture"
+        if self._check_size is None:
+            what = "The detector is frozen: it has sent one message"
         return PictureCheck(
-            waiting=f"The {self._what[0]} is frozen: it has sent one {self._what[1]} for "
-            f"{lasted:.1f} s under new stamps. Start its driver again."
+            waiting=f"{what} for {lasted:.1f} s under new stamps. Start its driver again."
         )
 
     def _read(self, frame: CameraFrame) -> PictureCheck:
