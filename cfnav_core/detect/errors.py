@@ -1,8 +1,8 @@
 """What a detector would say of things whose boxes are known: true boxes with a detector's errors.
 
 Policies that read boxes learn from rendered rooms, where the boxes are true. They are given what a
-real detector would make of them: it misses what is small, cut off, hidden or far, its boxes and
-scores jitter, it takes one thing for another and sees some that are not there.
+real detector would make of them: it misses what is small, cut off or hidden, its boxes and scores
+jitter, it takes one thing for another and sees some that are not there.
 ``python -m studies.eyes.errors`` measures how much of each.
 """
 
@@ -44,7 +44,7 @@ class Recall:
     """The logit of how probably a thing is found.
 
     Attributes:
-        base: of a thing of 1 degree that is seen whole from nearby.
+        base: of a thing of 1 degree, before what the others add.
         size: for each doubling of its box's side, the square root of its area in degrees.
         share: for all of it being seen, instead of nothing.
         distance: for each metre.
