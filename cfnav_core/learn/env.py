@@ -160,26 +160,33 @@ class SceneBank:
         rooms: Sequence[str] = (),
         device: torch.device = CPU,
         in_memory: bool = True,
-        without: Sequence[str] = (),
+        leave_out: Sequence[str] = (),
     ) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
-        A store of published data draws as its code does. Goals ``without`` are not asked for, nor
-        are scenes that have no other.
+        A store of published data draws as its code does. Goals to leave out are not asked for,
+        nor are scenes that have no other.
 
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
             ValueError: rooms that cannot be read, or goals to leave out that nobody knows.
         """
         scenes = open_scenes(folder, rooms)
-        if unknown := set(without) - set(scenes[0].objects):
+        if unknown := set(leave_out) - set(scenes[0].objects):
             raise ValueError(
                 f"found the goals {', '.join(sorted(unknown))} to leave out, expected some of "
                 f"{', '.join(scenes[0].objects)}"
             )
-        if without:
-            left = [replace(s, goals=tuple(g for g in s.goals if g not in without)) for s in scenes]
+        if leave_out:
+            left = [
+                replace(s, goals=tuple(g for g in s.goals if g not in leave_out)) for s in scenes
+            ]
             scenes = [scene for scene in left if scene.goals]
+            if not scenes:
+                raise ValueError(
+                    f"found no room with another goal than {', '.join(leave_out)}, expected one; "
+                    "leave out fewer goals or give more rooms"
+                )
         return cls(scenes, law=law_of(folder), device=device, in_memory=in_memory)
 
     @property

@@ -104,9 +104,11 @@ class Run:
                 "leave out --workers or --device"
             )
         device = self.ranks.device("cpu" if options.workers else options.device)
-        without, scenes = options.leave_out, options.scenes
-        self.bank = SceneBank.load(scenes, options.train_rooms, device, without=without)
-        self.validation = SceneBank.load(scenes, options.validation_rooms, device, without=without)
+        leave_out, scenes = options.leave_out, options.scenes
+        self.bank = SceneBank.load(scenes, options.train_rooms, device, leave_out=leave_out)
+        self.validation = SceneBank.load(
+            scenes, options.validation_rooms, device, leave_out=leave_out
+        )
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
         torch.manual_seed(config.seed)
         objects, perception = self.bank.objects, self.bank.perception

@@ -155,7 +155,7 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
     torch.manual_seed(int(seed.generate_state(1)[0]))
     # what is mapped from disk is in memory once for all workers
     bank = SceneBank.load(
-        options.scenes, options.train_rooms, in_memory=False, without=options.leave_out
+        options.scenes, options.train_rooms, in_memory=False, leave_out=options.leave_out
     )
     agent = new_agent(config, bank.inputs, knowledge)
     method, hp = find_method(config.method), config.hyperparameters

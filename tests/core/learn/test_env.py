@@ -151,9 +151,11 @@ def test_large_features_stay_on_disk_and_small_ones_are_joined_once(tmp_path):
 def test_goals_that_are_left_out_are_never_asked_for(tmp_path: Path) -> None:
     hall(name="kitchen:0").save(tmp_path / "kitchen_00000")
     hall(name="kitchen:1", goals={"Mug": (0, 0)}).save(tmp_path / "kitchen_00001")
-    bank = SceneBank.load(tmp_path, without=["Mug"])
+    bank = SceneBank.load(tmp_path, leave_out=["Mug"])
     assert bank.names == ["kitchen:0"]
     assert {bank.objects[goal] for goal in bank.tasks.goal} == {"Laptop"}
     assert "Mug" in bank.objects  # it is still seen
     with pytest.raises(ValueError, match="found the goals Unicorn to leave out"):
-        SceneBank.load(tmp_path, without=["Unicorn"])
+        SceneBank.load(tmp_path, leave_out=["Unicorn"])
+    with pytest.raises(ValueError, match="found no room with another goal than Laptop, Mug"):
+        SceneBank.load(tmp_path, leave_out=["Laptop", "Mug"])
