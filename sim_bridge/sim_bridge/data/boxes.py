@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -205,7 +204,7 @@ def run(options: BoxOptions) -> None:
     rooms = parse_rooms(options.rooms or ["data2:train"])
     todo = [room for room in rooms if not _there(*room, options)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
-        jobs = [pool.submit(partial(box_scene, *room, options)) for room in todo]
+        jobs = [pool.submit(box_scene, *room, options) for room in todo]
         try:
             for job in tqdm(as_completed(jobs), total=len(jobs), unit="room"):
                 job.result()
