@@ -14,6 +14,7 @@ from cfnav_core.detect.errors import SHIPPED, ErrorModel
 from cfnav_core.detect.labels import load_labels
 from cfnav_core.robot.robot import Robot, load_robot, robot_setting
 from cfnav_core.robot.settings import leaves, setting, settled
+from cfnav_core.robot.topics import DETECTIONS_2D
 from cfnav_core.task.camera import CameraSetUp
 from sim_bridge.robot import stereo
 from sim_bridge.robot.rplidar import MODES
@@ -75,6 +76,11 @@ class MockParameters:
             raise ValueError(f"depth is true, but the robot {self.described.name} has no depth.")
         if self.detector and "detections" not in self.described.topics:
             raise ValueError(f"detector is given, but the robot {self.described.name} has none.")
+        if self.detector and self.described.topics["detections"].type != DETECTIONS_2D:
+            raise ValueError(
+                f"detector is given, but the robot {self.described.name} says boxes with places, "
+                "the mock only boxes; give topics.detections another name."
+            )
         if self.detector:
             self.errors, load_labels(self.detector_labels)
         if self.start and self.goal:

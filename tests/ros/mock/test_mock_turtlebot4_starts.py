@@ -13,6 +13,7 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
 
+from cfnav_core.robot.robot import SHIPPED as ROBOTS  # noqa: E402
 from tests.conftest import wait_until  # noqa: E402
 from tests.ros.mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
 
@@ -43,6 +44,17 @@ def test_bad_parameter_is_one_sentence_and_exit_code_2(start_process, parameters
     assert process.wait() == 2
     (line,) = process.output.splitlines()
     assert words in line
+
+
+def test_a_detector_that_says_places_is_not_in_the_mock(start_process, tmp_path):
+    text = (ROBOTS / "turtlebot4.yaml").read_text()
+    robot = tmp_path / "spatial.yaml"
+    robot.write_text(text.replace("topics:\n", "topics:\n  detections: nn/spatial_detections\n"))
+    given = [f"robot:={robot}", "detector:=shipped"]
+    process = start_process("sim_bridge.ros.mock_turtlebot4", *ros_arguments(given))
+    assert process.wait() == 2
+    (line,) = process.output.splitlines()
+    assert "the robot spatial says boxes with places, the mock only boxes" in line
 
 
 @pytest.mark.parametrize(
