@@ -106,7 +106,7 @@ def _restamp_scans(folder: Path, scene: OfflineScene) -> str:
     if noted is None:
         return f"{SCANS} says not with which noise it was made"
     noise, kept = float(noted[1]), np.load(path, mmap_mode="r")
-    again = turns(*parse_room(scene.name), scene, noise, most=SAMPLED)
+    again = turns(scene, noise, most=SAMPLED)
     if not np.array_equal(kept.reshape(-1, kept.shape[-1])[: len(again)], again):
         return f"{SCANS} holds other turns; make them again with cfnav rooms scan"
     sign(path, scans_of(scene, noise))

@@ -99,7 +99,7 @@ def test_only_rooms_that_were_asked_for_are_scanned(
 
 def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> None:
     scene = OfflineScene.load(room_folder(scenes, "bathroom", 3))
-    with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:3"):
-        scans.turns("bathroom", 4, scene, 1.0)
+    with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:4"):
+        scans.turns(replace(scene, name="bathroom:4"), 1.0)
     with pytest.raises(ValueError, match=r"found no scans\.npy"):
         lidar_states.run(lidar_states.EstimateOptions(tmp_path))

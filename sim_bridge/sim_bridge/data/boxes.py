@@ -39,12 +39,11 @@ from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_core.task.rooms import parse_rooms, room_folder
 from sim_bridge.robot.noise import Noise, NoiseLevels
-from sim_bridge.room.room import generate_room
 
 if TYPE_CHECKING:
     from sim_bridge.world.world import Pose, World
 
-BOXES_VERSION = 1
+BOXES_VERSION = 2
 """Rises when the same scene gets other boxes; a test holds it."""
 
 By = Literal["size", "lidar", "depth", "nothing"]
@@ -55,8 +54,8 @@ DEPTH_ERROR, DEPTH_BLIND = 0.04, 0.1
 """Standard deviation of a stereo camera's distance as a share of it, and of how many things it has
 none; ours, for want of a robot to measure it on."""
 
-BEAMS = np.radians(np.arange(-60.0, 60.5, 0.5))
-"""Bearings of the LiDAR that a box can lie in."""
+BEAMS = np.radians(np.arange(-90.0, 90.5, 0.5))
+"""Bearings of the LiDAR that a box can lie in: all that a camera which looks ahead can see."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +103,12 @@ def box_scene(kind: str, seed: int, options: BoxOptions) -> None:
     """
     # few need MuJoCo
     from sim_bridge.world.camera import Camera
-    from sim_bridge.world.grid import state_grid
+    from sim_bridge.world.grid import remade
     from sim_bridge.world.things import Things
-    from sim_bridge.world.world import World
 
     scene = OfflineScene.load(room_folder(options.scenes, kind, seed))
     set_up = scene.camera or MAST
-    world = World(generate_room(kind, seed), set_up.on_mast)
-    grid = state_grid(world, set_up.horizons)
-    if not np.array_equal(grid.next_state, scene.next_state):
-        raise ValueError(
-            f"found a scene of {scene.name} made by another version; make it again with "
-            f"cfnav rooms make --rooms {scene.name}"
-        )
+    world, grid = remade(scene)
     model, pinhole = ErrorModel.load(options.errors), Pinhole.of(set_up)
     rng = np.random.default_rng([zlib.crc32(kind.encode()), seed, BOXES_VERSION])
     far = _rangings(world, seed, rng)[way_of(kind, seed, options)]

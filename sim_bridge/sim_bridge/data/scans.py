@@ -20,11 +20,9 @@ from tqdm import tqdm
 from cfnav_core.files.provenance import made_by, sign
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.scenes.scene import HEADINGS, SCANS, OfflineScene
-from cfnav_core.task.camera import MAST
-from cfnav_core.task.rooms import parse_rooms, room_folder
+from cfnav_core.task.rooms import parse_room, parse_rooms, room_folder
 from sim_bridge.robot.lidar_turn import standing_turn
 from sim_bridge.robot.noise import Noise, NoiseLevels
-from sim_bridge.room.room import generate_room
 
 SCANS_VERSION = 2
 """Rises when the same scene is scanned otherwise; a test holds it."""
@@ -52,13 +50,10 @@ def scans_of(scene: OfflineScene, noise: float) -> str:
     return f"scans {SCANS_VERSION} of {scene.source}, {there}, noise {noise}"
 
 
-def turns(
-    kind: str, seed: int, scene: OfflineScene, noise: float, most: int | None = None
-) -> np.ndarray:
+def turns(scene: OfflineScene, noise: float, most: int | None = None) -> np.ndarray:
     """Turns at every position and heading of a room.
 
     Args:
-        kind, seed: of the room.
         scene: of it; its positions are scanned.
         noise: scale of the simulator's noise, drawn from the room's seed.
         most: the first so many only.
@@ -69,22 +64,13 @@ def turns(
     Raises:
         ValueError: the scene is not of the room as it is made today.
     """
-    # few need MuJoCo
-    from sim_bridge.world.grid import state_grid
-    from sim_bridge.world.world import World
+    from sim_bridge.world.grid import remade  # few need MuJoCo
 
-    camera = scene.camera or MAST
-    world = World(generate_room(kind, seed), camera.on_mast)
-    grid = state_grid(world, camera.horizons)
-    if not np.array_equal(grid.next_state, scene.next_state):
-        raise ValueError(
-            f"found a scene of {scene.name} made by another version; make it again with "
-            f"cfnav rooms make --rooms {scene.name}"
-        )
+    world, grid = remade(scene)
+    _, seed = parse_room(scene.name)
     errors = Noise(NoiseLevels().scaled(noise), seed)
-    level = range(0, scene.num_states, len(camera.horizons))[
-        :most
-    ]  # the LiDAR does not tilt with the camera
+    # the LiDAR does not tilt with the camera
+    level = range(0, scene.num_states, len(grid.horizons))[:most]
     return np.stack([standing_turn(world, errors, pose=grid.pose(state)) for state in level])
 
 
@@ -102,7 +88,7 @@ def run(options: ScanOptions) -> None:
         source = scans_of(scene, options.noise)
         if made_by(path) == source:
             continue
-        made = turns(kind, seed, scene, options.noise)
+        made = turns(scene, options.noise)
         with writing(path), whole(path) as partial, partial.open("wb") as file:
             np.save(file, made.reshape(-1, HEADINGS, made.shape[1]))
         sign(path, source)

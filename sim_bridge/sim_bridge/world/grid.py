@@ -9,11 +9,13 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from cfnav_core.scenes.scene import HEADINGS, actions_to, metres_to
+from cfnav_core.scenes.scene import HEADINGS, OfflineScene, actions_to, metres_to
 from cfnav_core.task.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.task.camera import MAST, CameraSetUp
+from cfnav_core.task.rooms import parse_room
 from cfnav_core.task.visibility import MIN_GOAL_STATES, VISIBLE_DISTANCE_M
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
+from sim_bridge.room.room import generate_room
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.world import Pose, World
 
@@ -104,6 +106,26 @@ def state_grid(world: World, horizons: tuple[float, ...] = MAST.horizons) -> Sta
     renumber[keep] = np.arange(len(keep))
     positions = np.array([cells[k] for k in keep], np.float32) * STEP_M
     return StateGrid(positions, *_transitions(renumber[ahead[keep]], len(horizons)), horizons)
+
+
+def remade(scene: OfflineScene) -> tuple[World, StateGrid]:
+    """The world of a scene and its states, whose poses the scene's states have.
+
+    Args:
+        scene: of a room of ours, as ``cfnav rooms make`` names it.
+
+    Raises:
+        ValueError: the room as it is made today has other states.
+    """
+    set_up = scene.camera or MAST
+    world = World(generate_room(*parse_room(scene.name)), set_up.on_mast)
+    grid = state_grid(world, set_up.horizons)
+    if not np.array_equal(grid.next_state, scene.next_state):
+        raise ValueError(
+            f"found a scene of {scene.name} made by another version; make it again with "
+            f"cfnav rooms make --rooms {scene.name}"
+        )
+    return world, grid
 
 
 def _transitions(ahead: np.ndarray, horizons: int) -> tuple[np.ndarray, np.ndarray]:
