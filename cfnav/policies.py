@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -88,6 +88,9 @@ class Export:
     """JSON of python -m studies.live.live_results, kept beside them."""
     commands: str = ""
     """Where the commands stand that made it, for the card."""
+    also: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
+    """A further name that it may be asked for, or a map of labels such as coco, given as often as
+    needed; for models that take goals they never trained on, with a detector that knows them."""
 
     def run_command(self) -> None:
         """Export."""
@@ -96,7 +99,9 @@ class Export:
         metrics = json.loads(self.metrics.read_text()) if self.metrics else {}
         if self.live:
             metrics["live"] = json.loads(self.live.read_text())
-        export_bundle(self.checkpoint, self.perception, self.out, self.name, metrics, self.commands)
+        export_bundle(
+            self.checkpoint, self.perception, self.out, self.name, metrics, self.commands, self.also
+        )
         size = sum(f.stat().st_size for f in self.out.iterdir())
         print(f"wrote {self.out} ({size / 1e6:.1f} MB)")
 

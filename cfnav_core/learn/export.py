@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import onnx
@@ -18,6 +20,7 @@ from cfnav_core.detect.sightings import SightingEyes
 from cfnav_core.files.checkpoint import load_tensors, save_tensors
 from cfnav_core.files.provenance import sha256
 from cfnav_core.files.whole import whole, writing
+from cfnav_core.learn.further import with_further
 from cfnav_core.learn.model_card import model_card
 from cfnav_core.models.base import ModelInput, NavModel, ObservationSpec
 from cfnav_core.perception.perception import OnnxPerception, Percept
@@ -38,12 +41,13 @@ TRAINING_FIELDS = (
 
 def export_bundle(
     checkpoint: Path, perception: Path | None, out: Path, name: str,
-    metrics: dict[str, Any] | None = None, commands: str = "",
+    metrics: dict[str, Any] | None = None, commands: str = "", also: Sequence[str] = (),
 ) -> BundleHead:  # fmt: skip
     """Write a bundle; ``out`` appears only when complete.
 
     One that reads sightings has no ``perception``, and every other needs one. ``metrics`` and where
-    the ``commands`` stand that made it are kept for its card.
+    the ``commands`` stand that made it are kept for its card. It may be asked for the names in
+    ``also``, too (``further.py``).
 
     Raises:
         CheckpointError: the checkpoint is damaged or of another network.
@@ -54,6 +58,15 @@ def export_bundle(
     """
     if out.exists() and not (out / "bundle.json").exists():
         raise ValueError(f"found {out}, which is no bundle; give a new folder or one to replace")
+    with TemporaryDirectory() as scratch:
+        source = with_further(checkpoint, also, Path(scratch, "wider")) if also else checkpoint
+        return _export_bundle(source, perception, out, name, metrics, commands)
+
+
+def _export_bundle(
+    checkpoint: Path, perception: Path | None, out: Path, name: str,
+    metrics: dict[str, Any] | None, commands: str,
+) -> BundleHead:  # fmt: skip
     trained = TrainedAgent.load(checkpoint)
     head, inputs = trained.head, trained.inputs
     gives = _percept(trained, checkpoint, perception)

@@ -21,6 +21,9 @@ OTHER_NAMES = {
 }  # fmt: skip
 """Everyday and COCO names of built-in objects that no spelling shows."""
 
+MOST_LISTED = 64
+"""A sentence that names more is not read; then those stand in it that the bundle trained with."""
+
 ALIKE = 0.8
 """Least similarity of two spellings, 0..1 (``difflib``)."""
 
@@ -34,12 +37,16 @@ def refusal(goal: str, head: BundleHead) -> str:
     if goal in head.goals or (head.zero_shot and goal in head.objects):
         return ""
     expected = head.objects if head.zero_shot else head.goals
+    listed, more = expected, ""
+    if len(expected) > MOST_LISTED:
+        listed = head.goals
+        more = f", or of {len(expected) - len(listed)} others (cfnav info shows them)"
     why = ""
     if goal in head.objects:
         why = ", which the bundle's perception detects but its model was not trained to find"
     meant = closest(goal, expected)
     hint = f" (did you mean {meant}?)" if meant else ""
-    return f"found goal {goal!r}{hint}{why}, expected one of {', '.join(expected)}"
+    return f"found goal {goal!r}{hint}{why}, expected one of {', '.join(listed)}{more}"
 
 
 def closest(name: str, known: tuple[str, ...]) -> str:

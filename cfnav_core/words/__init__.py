@@ -3,7 +3,7 @@
 The table was made once by ``make.py`` with a sentence encoder that is no dependency of this
 package. Names are class names (``CoffeeMachine``) or plain words (``coffee machine``).
 
-May import: cfnav_core.files, cfnav_core.task, cfnav_core.scenes.
+May import: cfnav_core.detect, cfnav_core.files, cfnav_core.task, cfnav_core.scenes.
 """
 
 from __future__ import annotations

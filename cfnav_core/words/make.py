@@ -15,13 +15,15 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import save
 
+from cfnav_core.detect.labels import load_labels, shipped
 from cfnav_core.files.whole import write_file
 from cfnav_core.scenes.layouts import DATA2_OBJECTS, DETECTOR_OBJECTS, SAVN_OBJECTS
 from cfnav_core.task.vocabulary import CATEGORIES
 from cfnav_core.words import TABLE, plain
 
-VOCABULARY = (*CATEGORIES, *DATA2_OBJECTS, *DETECTOR_OBJECTS, *SAVN_OBJECTS)
-"""Objects of the built-in rooms and of every published data set."""
+DETECTED = tuple(name for labels in shipped() for name in load_labels(labels).names.values())
+VOCABULARY = (*CATEGORIES, *DATA2_OBJECTS, *DETECTOR_OBJECTS, *SAVN_OBJECTS, *DETECTED)
+"""Objects of the built-in rooms, of every published data set and of the detectors' labels."""
 
 
 @dataclass(frozen=True)

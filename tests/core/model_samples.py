@@ -87,15 +87,17 @@ def outspoken(model: NavModel) -> NavModel:
 
 
 def save_fresh(
-    path: Path, model: ModelName, perception: Path | None, goals: tuple[str, ...]
-) -> Path:
+    path: Path, model: ModelName, perception: Path | None, goals: tuple[str, ...],
+    known: Knowledge | None = None,
+) -> Path:  # fmt: skip
     """A checkpoint, as a run would write it, of a small agent that has learnt nothing.
 
     Without perception it is one that reads sightings.
     """
     inputs = BUILT_IN if perception else SIGHTED
     seen_by = OnnxPerception(perception).identity if perception else "boxes of a test"
-    config, known = RunConfig(model=model, size=SMALL, predictor_hidden=16), knowledge(38)
+    config = RunConfig(model=model, size=SMALL, predictor_hidden=16)
+    known = known or knowledge(len(CATEGORIES))
     torch.manual_seed(0)
     agent = new_agent(config, inputs, known)
     outspoken(agent.model)

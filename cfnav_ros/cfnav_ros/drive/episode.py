@@ -280,14 +280,14 @@ class Episode:
 
     def _ask(self, t: float, inputs: SensorInputs) -> None:
         try:
-            rgb = inputs.frame.decode()
+            view = inputs.frame.decode()
         except ValueError as error:
             self.fail(str(error))
             return
         estimate = inputs.estimate.estimate
         lidar = estimate.probability if self._limits.lidar else None
         self._answer = self._submit(
-            self._policy.act, rgb, lidar, self._limits.p_hat_kind, tuple(self._lidar_said)
+            self._policy.act, view, lidar, self._limits.p_hat_kind, tuple(self._lidar_said)
         )
         if lidar is not None:
             self._lidar_said.append(lidar)
