@@ -148,7 +148,7 @@ class ErrorModel:
             side = math.sqrt((right - left) * (bottom - top)) / degree
             if thing.name not in names or rng.random() >= self.recall.probability(thing, side):
                 continue
-            mistaken = rng.random() < self.confused
+            mistaken = rng.random() < self.confused and len(names) > 1
             name = self._other(thing.name, names, rng) if mistaken else thing.name
             if box := self._jittered(thing.box, size, rng):
                 said.append((Detection(name, self._score(self.found, rng), box), thing))

@@ -24,14 +24,16 @@ WORDS = "knowledge.words"
 
 
 def names_of(given: Sequence[str]) -> tuple[str, ...]:
-    """Names, and in place of a shipped map of labels what cfnav calls its classes."""
+    """Names as cfnav has them, and in place of a shipped map of labels those of its classes."""
+    maps = [load_labels(name) for name in shipped()]
+    other = {name: meant for labels in maps for name, meant in labels.categories.items()}
     out: list[str] = []
     for one in given:
         if one in shipped():
             labels = load_labels(one)
             out += [labels.category(name) for name in labels.names.values()]
         else:
-            out.append(one)
+            out.append(other.get(one, one))
     return tuple(dict.fromkeys(out))
 
 

@@ -56,6 +56,14 @@ def test_the_way_ahead_is_free_when_hull_and_mast_reach_its_end(simulator):
         assert simulator.ahead_free()
 
 
+def test_a_fixed_camera_looks_down_from_the_first_moment_on():
+    simulator = Simulator(World(bare_room()), tilt=-0.5)
+    simulator.place(1.0, 1.0, 0.0)
+    assert simulator.world.pose.tilt == -0.5
+    drive(simulator, 0.2, 0.0, 0.5)
+    assert simulator.world.pose.tilt == -0.5
+
+
 def test_straight_drive_has_the_length_of_its_speed_profile(simulator):
     # 0.2 m/s for 2 s: speeding up loses what braking adds, so 0.4 m in all.
     drive(simulator, 0.2, 0.0, 2.0)

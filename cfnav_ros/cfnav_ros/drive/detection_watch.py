@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -29,17 +30,18 @@ FAR_BY = ("lidar", "size", "nothing")
 
 SCAN_AGES_S, KEPT_SCANS = (0.2, 0.5), 10
 """A scan is asked about pictures so much later than its stamp, that of the beginning of its turn:
-it has come by then whatever the order of messages is, so that a recorded drive is judged as it was
-driven; and it was not taken long before the robot stood."""
+then it has come, in whatever order messages come, and a bag is judged as it was driven. An older
+one may have been taken before the robot stood."""
 
 FOV_DEG = (10.0, 150.0)
 """What a pinhole's view is across and down; an uncalibrated driver may say anything."""
 
-BESIDE = 0.05
-"""Share of a picture's side by which a box may reach out of it."""
+LARGEST = 2.0
+"""Sides of a picture along which a box may lie. Detectors say how far a thing reaches beyond the
+picture, too, but what they see of it is in its middle."""
 
 LEAST_PX = 1.0
-"""Boxes that are smaller are shares of the picture, or of another one."""
+"""A box that is smaller both ways is told in shares of the picture instead of pixels."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,9 @@ class DetectionSettings:
         "lidar",
         "how far a thing is that it says nothing of: lidar (what is in its direction), size (how "
         "large such things are) or nothing",
+    )
+    tilt_deg: float = setting(
+        0.0, "by which a camera that cannot tilt looks up, negative down", -85.0, 85.0
     )
 
     def __post_init__(self) -> None:
@@ -96,19 +101,35 @@ class DetectionWatch:
         self._labels = load_labels(settings.labels)
         self._sizes = by_size(known_sizes())
         self._scans: deque[tuple[float, Scan]] = deque(maxlen=KEPT_SCANS)
-        self.restart()
-
-    def restart(self) -> None:
-        """A drive begins: the camera may be another one."""
+        self._fixed_tilt = math.radians(settings.tilt_deg)
         self._told: Pinhole | None = None
         self._camera: Pinhole | None = None
         self._fault = ""
 
-    def tell(self, camera: Pinhole) -> None:
-        """Take what ``camera_info`` says; during a drive it may not change."""
-        if self._told is None:
+    def unseen(self, goal: str) -> str:
+        """Why the detector can never see a goal, as one sentence; "" when it can."""
+        if goal in self.names:
+            return ""
+        return (
+            f"The detector never says {goal}, as its labels {self._settings.labels} have no such "
+            "class: ask for another goal, or set detections.labels to what it learnt."
+        )
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """All that the detector may say, as cfnav calls it."""
+        return frozenset(map(self._labels.category, self._labels.names.values()))
+
+    def tell(self, camera: Pinhole, driving: bool = False) -> None:
+        """Take what ``camera_info`` says.
+
+        Args:
+            camera: of the pictures that the detector is given.
+            driving: then it may not change.
+        """
+        if self._told is None or not driving:
             self._camera, self._fault = self._sized(camera)
-        elif camera != self._told:
+        elif camera != self._told and not self._fault:
             self._fault = "camera_info speaks of another camera than before: end one of the two."
         self._told = camera
 
@@ -119,7 +140,8 @@ class DetectionWatch:
         if fov is None or not inside or not all(low <= angle <= high for angle in fov):
             return camera, (
                 f"camera_info tells of {camera.width}x{camera.height} pixels with focal lengths "
-                f"{camera.fx:g} and {camera.fy:g}, which is no view: calibrate the camera."
+                f"{camera.fx:g} and {camera.fy:g} and the middle at {camera.cx:g}, {camera.cy:g}, "
+                "which is no view: calibrate the camera."
             )
         wide, tall = self._settings.width, self._settings.height
         if not wide:
@@ -149,7 +171,7 @@ class DetectionWatch:
         Args:
             stamp_ns: of the picture that the detector was given.
             claims: what it says of it.
-            tilt: of the camera then, rad, up positive.
+            tilt: of the camera then, rad, up positive; NaN of one that cannot tilt.
 
         Returns:
             A frame of sightings, or one with a fault that another message will have as well, or
@@ -165,7 +187,8 @@ class DetectionWatch:
         if self._fault:
             return replace(frame, fault=self._fault)
         try:
-            seen = tuple(self._seen(claims, camera, tilt, seconds(stamp_ns)))
+            at = tilt if math.isfinite(tilt) else self._fixed_tilt
+            seen = tuple(self._seen(claims, camera, at, seconds(stamp_ns)))
         except ValueError as error:
             return replace(frame, fault=str(error))
         return replace(frame, decode=lambda every=1: seen)
@@ -205,9 +228,14 @@ def _within(box: Box, camera: Pinhole) -> Box:
     """
     left, top, right, bottom = box
     wide, high = camera.width, camera.height
-    x, y = BESIDE * wide, BESIDE * high
-    inside = left >= -x and right <= wide + x and top >= -y and bottom <= high + y
-    if not inside or min(right - left, bottom - top) < LEAST_PX:
+    inside = 0 <= left + right <= 2 * wide and 0 <= top + bottom <= 2 * high
+    across, down = right - left, bottom - top
+    if (
+        not inside
+        or max(across, down) < LEAST_PX
+        or across > LARGEST * wide
+        or down > LARGEST * high
+    ):
         raise ValueError(
             f"A box reaches from {left:.1f}, {top:.1f} to {right:.1f}, {bottom:.1f} in a picture "
             f"of {wide}x{high} pixels: set detections.width and height to the size of the picture "

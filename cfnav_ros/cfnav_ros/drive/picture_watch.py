@@ -73,6 +73,7 @@ class PictureWatch:
         """
         self._check_size, self._frozen_time = check_size, frozen_time
         self._frame: CameraFrame | None = None
+        self._told: CameraFrame | None = None
         self._check = PictureCheck()
         self._repeats = Repeats()
 
@@ -88,7 +89,11 @@ class PictureWatch:
         angle = tilt.angle if math.isfinite(tilt.angle) else 0.0
         pose = (odometry.x, odometry.y, odometry.yaw, angle)
         before, self._frame = self._frame, frame
-        same = before is not None and frame.data is not None and frame.data == before.data
+        if frame.data is None:  # says nothing, so nothing of the sensor's noise either
+            self._check = self._read(frame)
+            return self._check
+        told, self._told = self._told, frame
+        same = told is not None and frame.data == told.data
         self._repeats.see(stamp, same, pose, odometry.stamp)
         if not same or before is None or _about(frame) != _about(before):
             self._check = self._read(frame)

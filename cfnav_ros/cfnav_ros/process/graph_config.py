@@ -79,7 +79,8 @@ class GraphConfig:
         if not BundleHead.load(self.drives).reads_sightings:
             return [], {}
         if not self.detector.endswith(".onnx"):
-            return [], {"detector": self.detector, "detections.labels": MOCK_LABELS}
+            known = {"detector_labels": MOCK_LABELS, "detections.labels": MOCK_LABELS}
+            return [], {"detector": self.detector, **known}
         if self.lock_step:
             raise ValueError(
                 f"found the detector {self.detector} in lock-step, in which nobody waits for it; "

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rclpy.clock import Clock, ClockType
@@ -60,7 +60,12 @@ class DetectorNode(Node):
         self._times, self._rate, self._fault = Stopwatch(), Rate(), "No picture has arrived."
         self._found = self._times.timed(lambda rgb: detector(rgb, given.least))
         topic = robot.topics.get("detections", TOPICS["detections"])
-        self._publisher = publisher(self, replace(topic, type=DETECTIONS_2D))
+        if topic.type != DETECTIONS_2D:
+            raise ValueError(
+                f"The robot {robot.name} has boxes with places on {topic.name}, this node says "
+                "only boxes: give topics.detections another name in the robot's file."
+            )
+        self._publisher = publisher(self, topic)
         self._diagnostics = publisher(self, TOPICS["diagnostics"])
         picture = robot.topics["image"]
         newest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
@@ -87,10 +92,11 @@ class DetectorNode(Node):
 
     def _on_second(self) -> None:
         hz, (p50, p99) = self._rate.hz(time.monotonic()), self._times.percentiles_ms()
+        fault = self._fault or ("" if hz else "No picture comes any more.")
         report = Report(
             "detector",
-            Level.WARN if self._fault else Level.OK,
-            self._fault or "The detector sees.",
+            Level.WARN if fault else Level.OK,
+            fault or "The detector sees.",
             {"pictures_hz": f"{hz:.1f}", "p50_ms": f"{p50:.1f}", "p99_ms": f"{p99:.1f}"},
         )
         now = self.get_clock().now().to_msg()

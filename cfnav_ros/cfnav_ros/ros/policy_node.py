@@ -91,7 +91,7 @@ class PolicyNode(Node):
         self.get_logger().info(
             settings.announcement(
                 self._policy.name,
-                self._policy.goals,
+                [goal for goal in self._policy.goals if not self.senses.unseen(goal)],
                 self.senses.inputs.view,
                 self.senses.view_topic,
                 self.velocity.topic,
@@ -121,6 +121,8 @@ class PolicyNode(Node):
             goal.name, self._policy, self._submit, limits, goal.time_limit,
             self._docking.undock, self._docking.dock,
         )  # fmt: skip
+        if not self._policy.admits(goal.name):
+            self.episode.fail(self.senses.unseen(goal.name))
         self._told.clear()
         self.velocity.restart()
         self.senses.restart()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -122,6 +121,10 @@ class Senses:
         """Resolved name of the topic of pictures or detections."""
         return self._listeners["frame"].topic
 
+    def unseen(self, goal: str) -> str:
+        """Why the detector can never see a goal, as one sentence; "" when it can or is none."""
+        return self._detections.unseen(goal) if self._detections else ""
+
     @property
     def quiet(self) -> set[str]:
         """Names in ``STATUSES`` of what somebody offers to tell and has not told yet."""
@@ -153,8 +156,6 @@ class Senses:
         """
         for name in self._guarded:
             self._begin_anew(name)
-        if self._detections:
-            self._detections.restart()
         self.inputs = replace(self.inputs, rival="")
 
     def hold(self) -> None:
@@ -248,7 +249,7 @@ class Senses:
             claims = fields.detections_from_message(message)
         except ValueError as error:
             return CameraFrame(stamp_ns, waiting=str(error))
-        return self._detections.see(stamp_ns, claims, angle if math.isfinite(angle) else 0.0)
+        return self._detections.see(stamp_ns, claims, angle)
 
     def _on_scan(self, message: LaserScan) -> None:
         assert self._detections is not None
@@ -261,7 +262,7 @@ class Senses:
         camera = fields.pinhole_from_message(message)
         self._camera.tell(camera)
         if self._detections:
-            self._detections.tell(camera)
+            self._detections.tell(camera, self._drives)
 
     def _on_estimate(self, message: CollisionEstimate) -> None:
         self._take("estimate", fields.estimate_from_message, message)

@@ -74,9 +74,13 @@ class Simulator:
         world: where the robot is; ``enter`` moves it to another.
         noise: of wheels and odometry; none when None.
         reflexes: whether the base backs off by itself when its bumper is pressed.
+        tilt: of its camera before it is told another, rad, up positive.
     """
 
-    def __init__(self, world: World, noise: Noise | None = None, reflexes: bool = False) -> None:
+    def __init__(
+        self, world: World, noise: Noise | None = None, reflexes: bool = False, tilt: float = 0.0
+    ) -> None:
+        self._first_tilt = tilt
         self.noise = noise or Noise(NoiseLevels().scaled(0.0), 0)
         self._reflexes = reflexes
         self._own: BackOff | Undock | Dock | None = None
@@ -183,7 +187,7 @@ class Simulator:
         self._wheels = (0.0, 0.0)
         self._speed = 0.0
         self._still_since: float | None = self.time
-        self.tilt_target = 0.0
+        self.tilt_target = self._first_tilt
         self.tilt_rate = 0.0
         """rad/s of the camera, up positive."""
         self.collisions = Collisions()
@@ -197,14 +201,14 @@ class Simulator:
         self._rest()
 
     def place(self, x: float, y: float, yaw: float) -> None:
-        """Put the robot down somewhere, at rest, camera level, with a clean account.
+        """Put the robot down somewhere, at rest, the camera as at first, with a clean account.
 
         Args:
             x: m in the room.
             y: m in the room.
             yaw: rad.
         """
-        self.world.reset(x, y, yaw)
+        self.world.reset(x, y, yaw, self._first_tilt)
         self._rest()
 
     def start_episode(self, goal: str, start: StartPose) -> None:

@@ -228,7 +228,8 @@ def static_transforms(set_up: CameraSetUp, t: float, lidar: str) -> list[Transfo
     ]
     if not set_up.tilts:
         mount = (set_up.x, 0.0, set_up.z - SHELL_Z)
-        transforms.append(transform(t, "shell_link", "oakd_link", mount))
+        pitch = quaternion(pitch=-set_up.horizons[0])
+        transforms.append(transform(t, "shell_link", "oakd_link", mount, pitch))
     return transforms
 
 

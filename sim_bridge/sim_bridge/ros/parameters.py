@@ -52,7 +52,7 @@ class MockParameters:
         "",
         "errors of a detector that is on board: shipped, or a file of them; empty: there is none",
     )
-    detector_labels: str = setting("cfnav", "by whose numbers it says what it knows")
+    detector_labels: str = setting("coco", "by whose numbers it says what it knows")
     reflexes: bool = setting(True, "the base backs off by itself when it bumps into something")
     docked: bool = setting(False, "the robot starts on its dock, LiDAR and camera stopped")
     noise: float = setting(1.0, "scales the noise of sensors and wheels; 0 is none", 0.0, 10.0)

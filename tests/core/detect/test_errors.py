@@ -67,6 +67,12 @@ def test_a_thing_is_confused_with_what_it_is_confused_with() -> None:
     assert np.mean([name == "Bowl" for name in names]) == pytest.approx(0.3, abs=0.07)
 
 
+def test_a_detector_of_one_class_confuses_nothing() -> None:
+    model, rng = replace(PERFECT, confused=1.0), np.random.default_rng(0)
+    ((one, _),) = model.says([MUG], ["Mug"], SIZE, DEGREE, rng)
+    assert one.name == "Mug"
+
+
 def test_the_shipped_errors_are_a_detectors() -> None:
     model = ErrorModel.load()
     small, large = (model.recall.probability(MUG, degrees) for degrees in (2, 20))

@@ -79,6 +79,7 @@ def test_maps_of_labels_stand_for_their_names() -> None:
     assert names_of(["voc", "Zebra", "Chair"])[-3:] == ("train", "Television", "Zebra")
     assert "Chair" in names_of(["voc"])  # what cfnav calls it
     assert not {"chair", "tvmonitor"} & set(names_of(["voc"]))
+    assert names_of(["cup"]) == ("Mug",)
 
 
 def test_a_name_without_a_word_vector_is_refused(checkpoint: Path, tmp_path: Path) -> None:

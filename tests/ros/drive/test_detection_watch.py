@@ -88,7 +88,7 @@ def test_the_picture_of_the_detector_may_be_of_another_size() -> None:
     "box",
     [
         (460.0, 90.0, 520.0, 150.0), (-1e5, -1e5, 1e5, 1e5), (0.45, 0.45, 0.55, 0.55),
-        (100.0, 100.0, 100.5, 160.0), (600.0, 480.0, 1040.0, 800.0),
+        (-400.0, 100.0, 600.0, 160.0), (600.0, 480.0, 1040.0, 800.0),
     ],
 )  # fmt: skip
 def test_a_box_of_another_picture_is_a_fault(box: Box) -> None:
@@ -98,10 +98,21 @@ def test_a_box_of_another_picture_is_a_fault(box: Box) -> None:
         found.decode()
 
 
-def test_a_box_may_reach_a_little_beyond_the_picture() -> None:
-    (one,) = watch().see(NS, [Claim("41", 0.8, (-10.0, 100.0, 30.0, 152.0))], 0.0).decode()
-    (cut,) = watch().see(NS, [Claim("41", 0.8, (0.0, 100.0, 30.0, 152.0))], 0.0).decode()
-    assert one == cut
+@pytest.mark.parametrize(
+    ("box", "cut"),
+    [
+        ((-10.0, 100.0, 30.0, 152.0), (0.0, 100.0, 30.0, 152.0)),
+        ((300.0, -60.0, 560.0, 300.0), (300.0, 0.0, 448.0, 252.0)),
+    ],
+)
+def test_a_detector_may_say_how_far_a_thing_reaches_beyond_the_picture(box: Box, cut: Box) -> None:
+    (one,) = watch().see(NS, [Claim("41", 0.8, box)], 0.0).decode()
+    assert one == watch().see(NS, [Claim("41", 0.8, cut)], 0.0).decode()[0]
+
+
+def test_a_sliver_at_the_edge_is_a_thing() -> None:
+    (one,) = watch().see(NS, [Claim("41", 0.8, (447.2, 100.0, 447.9, 160.0))], 0.0).decode()
+    assert 0 < one.width < 0.01 < one.height
 
 
 @pytest.mark.parametrize(
@@ -122,13 +133,26 @@ def test_the_size_of_the_detectors_picture_has_the_shape_of_camera_info() -> Non
 
 
 def test_the_camera_does_not_change_during_a_drive() -> None:
-    of = watch()
-    of.tell(replace(WIDE, fx=WIDE.fx + 1))
-    assert "another camera than before" in of.see(NS, [MIDDLE], 0.0).fault
-    of.restart()
-    assert "wait for camera_info" in of.see(NS, [MIDDLE], 0.0).waiting
-    of.tell(WIDE)
+    of, other = watch(), replace(WIDE, fx=WIDE.fx + 1)
+    of.tell(WIDE, driving=True)
     assert not of.see(NS, [MIDDLE], 0.0).fault
+    of.tell(other, driving=True)
+    of.tell(WIDE, driving=True)
+    assert "another camera than before" in of.see(NS, [MIDDLE], 0.0).fault
+    of.tell(other)  # between drives its driver may have been started again
+    assert of.see(NS, [MIDDLE], 0.0).decode() == watch(other).see(NS, [MIDDLE], 0.0).decode()
+
+
+def test_a_camera_that_is_no_view_is_told_so_again_and_again() -> None:
+    of = watch(replace(WIDE, cx=math.nan))
+    of.tell(replace(WIDE, cx=math.nan), driving=True)
+    assert "the middle at nan, 125.5, which is no view" in of.see(NS, [MIDDLE], 0.0).fault
+
+
+def test_it_knows_what_the_detector_can_never_say() -> None:
+    assert watch().unseen("Mug") == ""  # a cup to COCO
+    assert watch().unseen("Towel").startswith("The detector never says Towel, as its labels coco")
+    assert watch(labels="cfnav").unseen("Towel") == ""
 
 
 def test_a_class_that_the_labels_lack_is_a_fault() -> None:
@@ -175,6 +199,10 @@ def test_boxes_wait_for_camera_info() -> None:
 def test_the_cameras_tilt_is_in_the_direction() -> None:
     (one,) = watch().see(NS, [Claim("41", 0.8, (200.0, 100.0, 248.0, 152.0))], -0.5).decode()
     assert one.elevation == pytest.approx(-0.5, abs=1e-6)
+    fixed = watch(tilt_deg=math.degrees(-0.5)).see(NS, [MIDDLE], math.nan)
+    assert fixed.decode() == (one,)
+    (level,) = watch().see(NS, [MIDDLE], math.nan).decode()
+    assert level.elevation == pytest.approx(0, abs=1e-6)
 
 
 def test_distance_by_size_is_that_of_the_shipped_sizes() -> None:

@@ -95,6 +95,15 @@ def test_pictures_that_differ_only_because_the_robot_moves_are_no_noise():
     assert camera.show(picture(60), count=60) == FINE
 
 
+def test_messages_that_say_nothing_are_no_noise():
+    """A detector without noise may see nothing for long, and then one thing for long."""
+    watch, t = PictureWatch(None, 1.0), 100.0
+    for data in [None] * 30 + [("a mug",)] * 30:
+        t += PERIOD_S
+        frame = CameraFrame(round(t * 1e9), lambda every=1: (), 252, 448, data)
+        assert watch.look(frame, Odometry(t, 0.0, 0.0, 0.0), Tilt(t, 0.0)) == FINE
+
+
 def test_zero_never_calls_it_frozen():
     camera = Camera(frozen_time=0.0)
     camera.show_noise(20)

@@ -19,6 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
 from vision_msgs.msg import Detection2DArray  # noqa: E402
 
+from cfnav_core.robot.robot import SHIPPED as ROBOTS  # noqa: E402
 from tests.core.detect.made import constant_network  # noqa: E402
 from tests.ros.own_node import OwnNode  # noqa: E402
 
@@ -112,12 +113,19 @@ def test_pictures_may_be_compressed_and_show_nothing(
         (("model:=/none.onnx", "labels:=coco"), "found no usable detector at /none.onnx"),
         (("model:=MODEL",), "say which labels it learnt"),
         (("model:=MODEL", "labels:=cocoa"), "found no labels 'cocoa'"),
+        (("model:=MODEL", "labels:=coco", "robot:=PLACES"), "this node says only boxes"),
     ],
 )
 def test_what_cannot_be_used_ends_it_with_a_sentence(
-    start_process: Callable, model: Path, parameters: tuple[str, ...], sentence: str
-) -> None:
-    words = [w for p in parameters for w in ("-p", p.replace("MODEL", str(model)))]
+    start_process: Callable, model: Path, parameters: tuple[str, ...], sentence: str,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    places = tmp_path / "places.yaml"
+    text = (ROBOTS / "turtlebot4.yaml").read_text()
+    places.write_text(text.replace("topics:\n", "topics:\n  detections: nn/spatial_detections\n"))
+    for name, path in (("MODEL", model), ("PLACES", places)):
+        parameters = tuple(p.replace(name, str(path)) for p in parameters)
+    words = [w for p in parameters for w in ("-p", p)]
     process = start_process("cfnav_ros.ros.detector_node", "--ros-args", *words)
     assert process.wait() == 2
     assert sentence in process.output

@@ -1,7 +1,9 @@
 """What the policy node hears, and what it asks the graph."""
 
+import math
 from array import array
 from collections import Counter
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +13,7 @@ pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
+from cfnav_ros.drive.detection_watch import DetectionSettings  # noqa: E402
 from cfnav_ros.drive.inputs import PictureCheck  # noqa: E402
 from cfnav_ros.drive.limits import EpisodeLimits  # noqa: E402
 from cfnav_ros.drive.policy_parameters import PolicyParameters  # noqa: E402
@@ -24,11 +27,18 @@ from irobot_create_msgs.msg import (  # noqa: E402
 )
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
-from sensor_msgs.msg import CameraInfo, Image, JointState  # noqa: E402
+from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan  # noqa: E402
+from vision_msgs.msg import (  # noqa: E402
+    BoundingBox2D,
+    Detection2D,
+    Detection2DArray,
+    ObjectHypothesis,
+    ObjectHypothesisWithPose,
+)
 
 from cfnav_core.perception.perception import BUILT_IN  # noqa: E402
 from cfnav_core.robot.robot import Robot, load_robot  # noqa: E402
-from cfnav_core.task.camera import MAST  # noqa: E402
+from cfnav_core.task.camera import CAMERAS, MAST  # noqa: E402
 from tests.conftest import wait_until  # noqa: E402
 from tests.ros.own_node import OwnNode  # noqa: E402
 
@@ -94,6 +104,85 @@ def test_pictures_that_are_not_square_are_cut_by_their_camera_info(node):
     senses._on_camera(CameraInfo(height=300, width=400, k=[2 * f for f in k[:8]] + [1.0]))
     senses._on_view(picture)
     assert senses.inputs.picture.fault.startswith("The robot's camera shows a view of 67 x 53")
+
+
+SIGHTED = SimpleNamespace(
+    camera=None, check_size=None, reads_sightings=True, name="boxes", goals=("Mug",)
+)
+SOLD = load_robot("turtlebot4")
+
+
+def said_of_a_cup(x, y, wide, high):
+    box = BoundingBox2D(size_x=wide, size_y=high)
+    box.center.position.x, box.center.position.y = x, y
+    result = ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id="41", score=0.9))
+    message = Detection2DArray(detections=[Detection2D(bbox=box, results=[result])])
+    message.header.stamp.sec = 5
+    return message
+
+
+def calibrated(focal=345.0):
+    k = [focal, 0.0, 223.5, 0.0, focal, 125.5, 0.0, 0.0, 1.0]
+    return CameraInfo(height=252, width=448, k=k)
+
+
+def sighted(node, **settings):
+    detections = DetectionSettings(labels="coco", far_by="lidar", **settings)
+    given = replace(PolicyParameters.of(SOLD), detections=detections)
+    return Senses(node, SIGHTED, given, SOLD, lambda: None)
+
+
+def test_a_detection_is_where_the_thing_stands(node):
+    """A cup of 10 cm, 1.2 m before the robot's middle and 0.3 m to its right, at 0.4 m."""
+    senses = sighted(node)
+    camera_x, camera_z = CAMERAS["stock_wide"].x, CAMERAS["stock_wide"].z
+    ahead = 1.2 - camera_x
+    u, v = 224 + 345 * 0.3 / ahead, 126 - 345 * (0.4 - camera_z) / ahead
+    scan = LaserScan(angle_min=-math.pi, angle_max=math.pi - math.tau / 720)
+    scan.header.frame_id, scan.header.stamp.sec, scan.header.stamp.nanosec = (
+        "rplidar_link",
+        4,
+        700000000,
+    )
+    scan.angle_increment, scan.range_min, scan.range_max = math.tau / 720, 0.15, 12.0
+    # the laser sits 4 cm behind the middle, and it is turned by 90 degrees to the left
+    turned = np.arange(720) * math.tau / 720 - math.pi - (math.atan2(-0.3, 1.24) - math.pi / 2)
+    near = np.abs((turned + math.pi) % math.tau - math.pi) < 0.05
+    scan.ranges = np.where(near, math.hypot(0.3, 1.24), 4.0).astype(np.float32).tolist()
+    senses._on_camera(calibrated())
+    senses._on_scan(scan)
+    senses._on_view(said_of_a_cup(u, v, 345 * 0.1 / ahead, 345 * 0.1 / ahead))
+    (mug,) = senses.inputs.frame.decode()
+    assert mug.name == "Mug"
+    assert mug.azimuth == pytest.approx(math.atan2(0.3, ahead), abs=0.01)
+    assert mug.elevation == pytest.approx(
+        math.atan2(0.4 - camera_z, math.hypot(ahead, 0.3)), abs=0.01
+    )
+    assert mug.distance == pytest.approx(math.hypot(1.2, 0.3), abs=0.05)
+
+
+def test_a_camera_that_cannot_tilt_may_be_said_to_look_down(node):
+    senses = sighted(node, tilt_deg=-30.0)
+    senses._on_camera(calibrated())
+    senses._on_view(said_of_a_cup(224.0, 126.0, 20.0, 20.0))
+    (mug,) = senses.inputs.frame.decode()
+    assert mug.elevation == pytest.approx(math.radians(-30.0), abs=1e-6)
+
+
+def test_a_camera_may_start_again_in_another_mode_between_drives_only(node):
+    senses = sighted(node)
+    senses._on_camera(calibrated())
+    senses._on_view(said_of_a_cup(224.0, 126.0, 20.0, 20.0))
+    senses.hold()
+    senses._on_camera(calibrated(focal=400.0))
+    senses._on_view(said_of_a_cup(224.0, 126.0, 21.0, 20.0))
+    assert "speaks of another camera" in senses.inputs.picture.fault
+    senses.release()
+    senses._on_camera(calibrated(focal=400.0))
+    senses._on_view(said_of_a_cup(224.0, 126.0, 22.0, 20.0))
+    senses.restart()
+    assert senses.inputs.picture == PictureCheck()
+    assert len(senses.inputs.frame.decode()) == 1  # camera_info need not come again
 
 
 @pytest.fixture

@@ -132,7 +132,7 @@ class Replay:
         self._pictures, self._detections = KeptPictures(), KeptPictures()
         self._watch = watch
         self._camera: Pinhole | None = None
-        self._tilt = 0.0
+        self._tilt = math.nan
         self._waiting: deque[_Asked | Told] = deque()
         self._open: list[ReplayStep] = []
         self._lidar_said: list[float] = []
@@ -166,9 +166,7 @@ class Replay:
 
     def _calibrate(self, camera: Pinhole) -> None:
         if self._watch:
-            if camera != self._camera:
-                self._watch.restart()  # a bag may hold drives with several cameras
-            self._watch.tell(camera)
+            self._watch.tell(camera)  # a bag may hold drives with several cameras
         self._camera = camera
 
     def _said(self, watch: DetectionWatch, event: Detected) -> Picture:
