@@ -43,6 +43,11 @@ class LabelMap:
     def _known(self) -> frozenset[str]:
         return frozenset(self.names.values())
 
+    @cached_property
+    def categories_said(self) -> frozenset[str]:
+        """All that a detector may say, as cfnav calls it."""
+        return frozenset(map(self.category, self.names.values()))
+
     @property
     def completed(self) -> LabelMap:
         """The same with the categories of the shipped map that has these names, if one has."""

@@ -6,7 +6,6 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -108,17 +107,12 @@ class DetectionWatch:
 
     def unseen(self, goal: str) -> str:
         """Why the detector can never see a goal, as one sentence; "" when it can."""
-        if goal in self.names:
+        if goal in self._labels.categories_said:
             return ""
         return (
             f"The detector never says {goal}, as its labels {self._settings.labels} have no such "
             "class: ask for another goal, or set detections.labels to what it learnt."
         )
-
-    @cached_property
-    def names(self) -> frozenset[str]:
-        """All that the detector may say, as cfnav calls it."""
-        return frozenset(map(self._labels.category, self._labels.names.values()))
 
     def tell(self, camera: Pinhole, driving: bool = False) -> None:
         """Take what ``camera_info`` says.

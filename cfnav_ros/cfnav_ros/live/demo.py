@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from cfnav_core.command import DONE, PARTLY, command_line, run_options
+from cfnav_core.detect.labels import load_labels
 from cfnav_core.files.provenance import commit
 from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.policy.goals import refusal
 from cfnav_core.robot.robot import load_robot, simulated
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.limits import step_limit
@@ -98,7 +100,10 @@ class DemoConfig:
 
 
 def known_goals(config: DemoConfig) -> tuple[str, ...]:
-    """Return the goals that the bundle was trained to find; say when its camera was another.
+    """Return the goals that can be sought; say when the bundle's camera was another.
+
+    They are those that the bundle was trained to find, and what else is asked for that it takes.
+    Where an ONNX file detects, its labels must have them.
 
     Raises:
         BundleError: the bundle cannot be used.
@@ -109,12 +114,20 @@ def known_goals(config: DemoConfig) -> tuple[str, ...]:
     camera = CameraSetUp.read(config.camera)
     if head.camera and not head.reads_sightings and str(head.camera) != str(camera):
         print(f"bundle {head.name} learnt from a camera of {head.camera}; the robot's is {camera}")
-    if unknown := set(parse_list(config.goals)) - set(head.goals):
+    asked = parse_list(config.goals)
+    for why in (refusal(goal, head) for goal in asked):
+        if why:
+            raise GraphError(f"bundle {head.name}: {why}")
+    known = dict.fromkeys((*head.goals, *asked))
+    if not (head.reads_sightings and config.detector.endswith(".onnx")):
+        return tuple(known)
+    names = load_labels(config.labels).categories_said
+    if unsaid := [goal for goal in asked if goal not in names]:
         raise GraphError(
-            f"bundle {head.name} was not trained to find {', '.join(sorted(unknown))}; "
-            f"it knows {', '.join(head.goals)}"
+            f"a detector with labels {config.labels} never says {', '.join(unsaid)}; ask for other "
+            "goals, or give the labels that it learnt"
         )
-    return head.goals
+    return tuple(goal for goal in known if goal in names)
 
 
 def plan(graph: RosGraph, config: DemoConfig, known: Sequence[str]) -> tuple[Iterator[Trial], int]:

@@ -162,7 +162,7 @@ def test_interrupt_stops_the_robot_ends_every_process_and_leaves_no_results(
     ("arguments", "sentence"),
     [
         (["--room", "garage:25"], "garage"),
-        (["--goals", "Unicorn"], "was not trained to find Unicorn; it knows AlarmClock"),
+        (["--goals", "Unicorn"], "found goal 'Unicorn', expected one of AlarmClock"),
         (["--room", "kitchen:21", "--goals", "Pillow"], "'Pillow' is in none of the rooms"),
         (["--bundle", "/nowhere"], "/nowhere"),
         (

@@ -19,6 +19,7 @@ pytest.importorskip("torch", reason="making a bundle needs torch: run 'make test
 from cfnav_interfaces.srv import SetFault  # noqa: E402
 from cfnav_ros.bags.evaluation import JudgeOptions, evaluate  # noqa: E402
 from cfnav_ros.drive.detection_watch import MOCK_LABELS, DetectionSettings  # noqa: E402
+from cfnav_ros.live.demo import DemoConfig, known_goals  # noqa: E402
 from cfnav_ros.process.graph_config import GraphConfig  # noqa: E402
 from cfnav_ros.process.processes import GraphError  # noqa: E402
 from cfnav_ros.ros.graph import RosGraph  # noqa: E402
@@ -116,6 +117,18 @@ def test_a_detector_of_ones_own_drives_it(
     assert one.results[0].hypothesis.class_id == "cup"
     centre = one.bbox.center.position
     assert (centre.x, centre.y, one.bbox.size_x) == pytest.approx((150, 150, 75), abs=0.1)
+
+
+def test_goals_are_those_that_bundle_and_labels_know(tmp_path: Path) -> None:
+    checkpoint = save_fresh(tmp_path / "best.safetensors", "tdanet", None, ("Sink", "Towel"))
+    export_bundle(checkpoint, None, tmp_path / "boxes", "boxes")
+    config = DemoConfig(bundle=tmp_path / "boxes", camera="stock_wide")
+    assert known_goals(config) == ("Sink", "Towel")
+    assert known_goals(replace(config, goals="Fridge"))[-1] == "Fridge"  # it is zero-shot
+    by_coco = replace(config, detector="any.onnx", labels="coco")
+    assert known_goals(by_coco) == ("Sink",)
+    with pytest.raises(GraphError, match="a detector with labels coco never says Towel"):
+        known_goals(replace(by_coco, goals="Towel,Sink"))
 
 
 def test_a_bag_with_detections_and_no_pictures_is_replayed(
