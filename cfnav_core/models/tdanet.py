@@ -61,13 +61,19 @@ class TargetAttention(nn.Module):
         """
         own = (context * goal[:, :, None]).sum(1)
         semantic = self.query(goal @ words) @ self.key(words).T / KEY**0.5
-        pair = torch.cat([context, own[:, None].expand_as(context)], 2)
-        # layers get matrices: ReLU in place on a view of one would cost autograd copies
-        place = self.place(pair.flatten(0, 1)).view_as(there)
-        weight = torch.softmax((semantic + place).masked_fill(there == 0, -1e9), 1) * there
-        value = self.value(torch.cat([context, similarity[:, :, None]], 2).flatten(0, 1))
-        seen = weight[:, None] @ value.view(*there.shape, VALUE)
-        return torch.cat([seen[:, 0], own], 1)
+        # a view shows one or two objects of 38: the layers are asked about those alone
+        at = there.flatten().nonzero()[:, 0]
+
+        def of(table: Tensor) -> Tensor:
+            return table.flatten(0, 1).index_select(0, at)
+
+        seen, own_of = of(context), of(own[:, None].expand_as(context))
+        score = of(semantic) + self.place(torch.cat([seen, own_of], 1))[:, 0]
+        scores = torch.full_like(there, -1e9).flatten().index_put((at,), score).view_as(there)
+        weight = torch.softmax(scores, 1) * there
+        value = self.value(torch.cat([seen, of(similarity)[:, None]], 1))
+        shown = weight.new_zeros(there.numel(), VALUE).index_put((at,), value)
+        return torch.cat([(weight[:, None] @ shown.view(*there.shape, VALUE))[:, 0], own], 1)
 
     def of_goal(self, context: Tensor, similarity: Tensor) -> Tensor:
         """Encode a view that shows nothing but the goal: all attention is the goal's.
