@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+import torch.fx.experimental._config
 from torch import nn
 
 from cfnav_core.agent.agent import new_agent
@@ -159,13 +160,13 @@ def test_every_weight_gets_a_finite_gradient(name):
 
 @pytest.mark.parametrize("training", [True, False])
 @pytest.mark.parametrize("name", ALL)
-def test_nothing_stays_behind_when_a_model_moves_to_another_device(name, training, monkeypatch):
-    # without values nobody knows which objects are seen: all are
-    monkeypatch.setattr(torch.fx.experimental._config, "meta_nonzero_assume_all_nonzero", True)
+def test_nothing_stays_behind_when_a_model_moves_to_another_device(name, training):
     # the meta device has shapes only, but refuses to meet tensors of the CPU
     model = MODELS[name](BUILT_IN, SMALL, knowledge(38)).to("meta").train(training)
     seen = ModelInput(*(value.to("meta") for value in vars(views(BUILT_IN, 3)).values()))
-    logits, _, state = model(seen, model.zero_state(3))
+    # without values nobody knows which objects are seen: all are
+    with torch.fx.experimental._config.patch(meta_nonzero_assume_all_nonzero=True):
+        logits, _, state = model(seen, model.zero_state(3))
     assert logits.is_meta
     assert all(value.is_meta for value in state.values())
 
