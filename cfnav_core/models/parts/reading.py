@@ -17,6 +17,9 @@ from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 PICTURE_PX = 300
 """Side of the published pictures, pixels; their boxes are in pixels."""
 
+VIEW_RAD = math.pi / 2
+"""Angles of sightings are shares of such a view, which is that of the mast."""
+
 
 class Rows(NamedTuple):
     """A detection table read, float32.
@@ -26,10 +29,10 @@ class Rows(NamedTuple):
         info: [B, C, I].
         confidence: [B, C], 0..1.
         detected: [B, C], 0 or 1.
-        context: [B, C, K] in 0..1, zeros for an object that is not there. First comes whether it
-            is there, then centre x and y (right and down positive) and the share of the picture
-            that its box covers; of sightings its width and height instead, then how close it is and
-            whether that is known.
+        context: [B, C, K], mostly in 0..1, zeros for an object that is not there. First comes
+            whether it is there, then centre x and y (right and down positive) and the share of the
+            picture that its box covers; of sightings the roots of its width and height instead,
+            then how close it is and whether that is known.
     """
 
     appearance: Tensor
@@ -71,9 +74,11 @@ def _of_sightings(
 ) -> Tensor:  # fmt: skip
     there = (confidence > 0).to(azimuth.dtype)
     known = (distance > 0).to(azimuth.dtype)
-    x, y = (0.5 + azimuth / math.pi) * there, (0.5 - elevation / math.pi) * there
+    x, y = (0.5 + azimuth / VIEW_RAD) * there, (0.5 - elevation / VIEW_RAD) * there
+    # the root, as a thing of 5 degrees and one of 10 must differ as much as large ones do
+    wide, high = (width / VIEW_RAD).sqrt(), (height / VIEW_RAD).sqrt()
     closeness = torch.exp(-distance / VISIBLE_DISTANCE_M) * known
-    return torch.stack([confidence, x, y, width / math.pi, height / math.pi, closeness, known], -1)
+    return torch.stack([confidence, x, y, wide, high, closeness, known], -1)
 
 
 def _as_they_are(*columns: Tensor) -> Tensor:
@@ -84,7 +89,7 @@ MIDDLE = (1.0, 0.5, 0.5, 0.25)
 
 CONTEXTS = (
     Context(("score", "score_x", "score_y", "size", "near"), _of_scores, (*MIDDLE, 1.0)),
-    Context(SIGHTINGS, _of_sightings, (1.0, 0.5, 0.5, 0.25, 0.25, 0.5, 1.0)),
+    Context(SIGHTINGS, _of_sightings, (1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 1.0)),
     Context(("x1", "y1", "x2", "y2", "confidence"), _of_boxes, MIDDLE),
     Context(("visible", "x", "y", "area"), _as_they_are, MIDDLE),
 )
