@@ -24,7 +24,7 @@ from cfnav_core.models.parts.heads import gate_done
 from cfnav_core.models.parts.reading import Rows, columns_of
 from cfnav_core.models.parts.relation import RelationEncoder
 from cfnav_core.models.table import MODELS
-from cfnav_core.task.detections import fields_before_names
+from cfnav_core.task.detections import SIGHTINGS, fields_before_names
 from tests.core.model_samples import BUILT_IN, SMALL, knowledge, rows_of, views
 
 
@@ -53,6 +53,22 @@ def test_reading_the_built_in_table():
     rows = read_rows(t([[0.8, 0.4, -0.8, 0.3, 0.6], [0.1, 0, 0, 0, 0]]))
     torch.testing.assert_close(rows.detected, t([1, 0]))
     expected = t([0.8, 0.6, 0, 0.09, 0.6], [0.1, 0.05, 0.05, 0, 0])
+    torch.testing.assert_close(rows.context[0], expected)
+
+
+def test_reading_sightings():
+    # 45 degrees to the right, 22.5 up, 22.5 by 10, 1.5 m away; of the second none knows how far
+    quarter, angle = math.pi / 8, math.radians(10)
+    table = t(
+        [0.7, 2 * quarter, quarter, quarter, angle, 1.5], [0.4, 0, 0, angle, angle, 0], [0] * 6
+    )
+    rows = columns_of(SIGHTINGS).read(table[None])
+    torch.testing.assert_close(rows.detected, t([1, 1, 0]))
+    expected = t(
+        [0.7, 1.0, 0.25, 0.5, 1 / 3, math.exp(-1), 1.0],
+        [0.4, 0.5, 0.5, 1 / 3, 1 / 3, 0, 0],
+        [0] * 7,
+    )
     torch.testing.assert_close(rows.context[0], expected)
 
 
