@@ -5,10 +5,8 @@
 #   OUT=out/train CAMERAS="mast stock_wide" scripts/train_demo.sh
 # Perception learns from 200 pictures of each of its own rooms, while they are rendered; the second
 # camera's begins with the first one's. Training rooms train both policies, validation rooms end
-# stage one and choose checkpoints, test rooms are looked at once, at the end. The default bundle
-# shipped so far is older: 64 rooms of our own furniture, 850,000 episodes, perception of 200,000
-# pictures of 498 rooms (this script, before there were two worlds). That of turtlebot4 learnt in
-# 256 rooms (docs/training.md).
+# stage one and choose checkpoints, test rooms are looked at once, at the end. Those shipped so far
+# learnt in the first 256 of these rooms (docs/training.md).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,7 +14,7 @@ import pytest
 
 import cfnav
 from cfnav_core.perception.perception import OnnxPerception
-from cfnav_core.policy.bundle import shipped_perception
+from cfnav_core.policy.bundle import shipped_bundle, shipped_perception
 from cfnav_core.task.actions import Action
 from tests.conftest import ROOT
 from tests.core.worlds import hall
@@ -25,8 +26,10 @@ DRIVE = [Action.MoveAhead, Action.RotateLeft, Action.Done]
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Small scenes of the shipped perception and a bag of two drives, where the page has them."""
+    """Small scenes of the shipped perception, a bundle that was trained on it and a bag of two
+    drives, where the page has them."""
     folder = tmp_path_factory.mktemp("python") / "out"
+    shutil.copytree(shipped_bundle(), folder / "mine")
     identity = OnnxPerception(shipped_perception()).identity
     for seed in range(2):
         scene = replace(hall(seed=seed, name=f"kitchen:{seed}"), perception=identity)

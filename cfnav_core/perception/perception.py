@@ -31,12 +31,13 @@ FEATURES = 256
 MAPS = "shown"
 """Output of a network that tells where in the picture each object is shown."""
 
+BUNDLES = Path(__file__).parents[1] / "bundles"
 NETWORKS = {
-    "mast": Path(__file__).with_name("mast.onnx"),
-    "stock_wide": Path(__file__).parents[1] / "bundles/turtlebot4/perception.onnx",
+    "mast": BUNDLES / "default/perception.onnx",
+    "stock_wide": BUNDLES / "turtlebot4/perception.onnx",
 }
 """Networks that give boxes, by the camera whose pictures they learnt from; MAST.md and so on beside
-this file say how. The bundles for the mast drive by an older one that gives none."""
+this file say how. The bundles of the paper's tables drive by an older one that gives none."""
 
 METADATA = "cfnav"
 """Key under which an ONNX file says what it perceives, as JSON; see ``describe``."""

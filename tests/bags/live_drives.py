@@ -13,8 +13,7 @@ from cfnav_ros.lidar.scan_watch import LidarParameters, ScanWatch
 
 from cfnav_core.files.checkpoint import load_tensors, save_tensors
 from cfnav_core.learn.export import export_bundle
-from cfnav_core.policy.bundle import shipped_perception
-from tests.core.model_samples import save_fresh
+from tests.core.model_samples import older_perception, save_fresh
 from tests.ros.lidar_scans import behind_posts, noisy, scan_of, wall_ahead
 from tests.ros.scripted_robot import Robot, run_now
 
@@ -24,7 +23,7 @@ PARAMETERS = LidarParameters()
 
 def restless_bundle(folder):
     """A bundle that has learnt nothing, but whose answers vary with all that it sees and did."""
-    perception = shipped_perception()
+    perception = older_perception()  # it tells pictures of a few colours from one another
     checkpoint = save_fresh(folder / "fresh.safetensors", "compact", perception, ("Mug", "Laptop"))
     tensors, head = load_tensors(checkpoint)
     for name in ("model.lstm.weight_ih", "model.lstm.weight_hh"):

@@ -187,7 +187,7 @@ def test_a_real_bag_gives_the_same_files_whatever_its_storage(tmp_path):
         path = VARIANTS[name](tmp_path / name.replace(" ", "_"), messages)
         found = evaluate(path, JudgeOptions(bundles={"ours": ""}), name="drive")
         ((_, only),) = drives_in([found])
-        assert (found.name, found.bundles) == ("drive", {"ours": "ours"})
+        assert (found.name, found.bundles) == ("drive", {"ours": "default"})
         assert len(only.points) > 20
         assert 0 < len(only.pictures) <= FRAMES + MOMENTS
         texts.append(files([found]))

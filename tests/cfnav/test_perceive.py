@@ -90,9 +90,9 @@ def test_a_shipped_network_finds_what_its_camera_shows(name, perceive, tmp_path)
     assert {line.split()[1] for line in said.splitlines()} & shown
 
 
-def test_the_bundles_older_network_says_that_it_gives_no_boxes(perceive, tmp_path):
+def test_the_older_network_of_other_bundles_says_that_it_gives_no_boxes(perceive, tmp_path):
     path, _ = _kitchen("mast", tmp_path)
-    code, _, wrong = perceive(path, of=("--bundle", "default"))
+    code, _, wrong = perceive(path, of=("--bundle", "tdanet"))
     assert code == 2
     assert "this perception does not tell where things are" in wrong
 

@@ -16,6 +16,7 @@ from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationS
 from cfnav_core.models.parts.reading import columns_of
 from cfnav_core.models.size import ModelSize
 from cfnav_core.perception.perception import OnnxPerception
+from cfnav_core.policy.bundle import PERCEPTION, SHIPPED, BundleHead
 from cfnav_core.task.actions import NUM_ACTIONS
 from cfnav_core.task.detections import BOXES, HULLS, SCORES, SIGHTINGS
 from cfnav_core.task.vocabulary import CATEGORIES, DATA1_TARGETS, ROOM_TYPES
@@ -27,6 +28,12 @@ SIGHTED = ObservationSpec((256,), SIGHTINGS, CATEGORIES)
 DATA1 = ObservationSpec((512, 7, 7), BOXES, DATA1_TARGETS)
 DATA1_CLIP = ObservationSpec((2048, 7, 7), BOXES, DATA1_TARGETS)
 DATA2 = ObservationSpec((512, 7, 7), HULLS, tuple(f"Object{i}" for i in range(101)))
+
+
+def older_perception() -> Path:
+    """The network of the bundles of the paper's tables, which gives no boxes."""
+    folder = SHIPPED / "tdanet"
+    return BundleHead.load(folder).file(folder, PERCEPTION)
 
 
 def knowledge(objects: int, word: int = 12, text: int = 10, zones: int = 8) -> Knowledge:

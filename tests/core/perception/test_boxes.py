@@ -11,7 +11,7 @@ from cfnav_core.perception.boxes import Detection, decode
 from cfnav_core.perception.perception import OnnxPerception, PerceptionError
 from cfnav_core.perception.pictures import MARK, draw_detections
 from cfnav_core.perception.sight import cells as cells_of
-from cfnav_core.policy.bundle import shipped_perception
+from tests.core.model_samples import older_perception
 from tests.core.perception.made import colour_maps
 
 SIZE = (48, 40)
@@ -99,9 +99,9 @@ def test_a_network_with_maps_names_what_a_picture_shows(network: OnnxPerception)
 
 
 def test_a_network_without_maps_says_that_it_gives_no_boxes() -> None:
-    shipped = OnnxPerception(shipped_perception())
+    older = OnnxPerception(older_perception())
     with pytest.raises(PerceptionError, match=r"no output shown in .* so it gives no boxes"):
-        shipped.boxes(np.zeros((300, 300, 3), np.uint8))
+        older.boxes(np.zeros((300, 300, 3), np.uint8))
 
 
 def test_maps_of_another_grid_are_no_boxes(tmp_path: Path) -> None:

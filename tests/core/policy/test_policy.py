@@ -73,10 +73,11 @@ def test_its_own_probability_counts_where_it_is_larger(bundle, backend):
     between = (min(predicted) + max(predicted)) / 2
     policy.reset("Mug")
     given = [policy.decide(policy.look(p), between, "both") for p in PICTURES]
-    assert [d.collision_probability for d in given[:3]] == pytest.approx(
-        [max(p, between) for p in predicted[:3]]
-    )
-    assert len({d.collision_probability for d in given}) > 1
+    counted = [d.collision_probability for d in given]
+    # from the second picture on it also depends on what was done
+    assert counted[0] == pytest.approx(max(predicted[0], between))
+    assert min(counted) == pytest.approx(between)
+    assert max(counted) > between
     policy.reset("Mug")
     own = [policy.decide(policy.look(p), 0.0, "both") for p in PICTURES]
     policy.reset("Mug")
