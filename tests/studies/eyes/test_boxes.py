@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cfnav_core.perception.perception import OnnxPerception
-from cfnav_core.policy.bundle import shipped_perception
 from studies.eyes.boxes import View, fit, give_maps
+from tests.core.model_samples import older_perception
 from tests.core.perception.made import colour_maps
 from tests.studies.eyes.made import colour_perception
 
@@ -30,8 +30,8 @@ def test_boxes_are_judged_by_the_thing_that_they_fit_best(tmp_path):
 
 def test_a_network_without_maps_is_given_its_own(tmp_path):
     rgb = np.random.default_rng(0).integers(0, 256, (300, 300, 3), np.uint8)
-    give_maps(shipped_perception(), tmp_path / "with.onnx")
-    before, after = OnnxPerception(shipped_perception()), OnnxPerception(tmp_path / "with.onnx")
+    give_maps(older_perception(), tmp_path / "with.onnx")
+    before, after = OnnxPerception(older_perception()), OnnxPerception(tmp_path / "with.onnx")
     np.testing.assert_array_equal(before.observe(rgb).features, after.observe(rgb).features)
     best = after.maps(rgb).max((1, 2))
     np.testing.assert_allclose(before.observe(rgb).detections[0, :, 0], best, atol=1e-3)
