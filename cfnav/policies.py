@@ -124,7 +124,7 @@ def _print(policy: Path, f: dict[str, Any]) -> None:
         f"{policy} ({f['model']}, {f['method']}): {f['episodes']} episodes  "
         f"SR {f['sr']:.3f}  SPL {f['spl']:.3f}  "
         f"CF-SR {f['cf_sr']:.3f} {ends_text(f['cf_sr_interval'])}  CF-SPL {f['cf_spl']:.3f}  "
-        f"collisions {f['collisions_per_episode']:.2f}"
+        f"collisions {f['collisions_per_episode']:.2f}  wrong Done {f['wrong_done']:.3f}"
     )
 
 

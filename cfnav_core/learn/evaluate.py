@@ -22,7 +22,7 @@ from cfnav_core.published.keys import Key, state_of
 from cfnav_core.published.start_states import StartState, identity, read_episodes
 from cfnav_core.scenes.scene import SceneError
 from cfnav_core.scenes.select import lidar_of
-from cfnav_core.task.actions import NUM_ACTIONS
+from cfnav_core.task.actions import NUM_ACTIONS, Action
 from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.limits import VETO_PROBABILITY
@@ -200,6 +200,15 @@ class Evaluation:
         """[N], the name of each episode's scene."""
         return np.array(self.bank.names)[self.bank.scene[self.episodes.states]]
 
+    @property
+    def wrong_done(self) -> float:
+        """Share of the episodes that ended with a Done while the goal was not in view."""
+        last = np.zeros(len(self.results), np.int64)
+        for step in self.trace:
+            last[step.episodes] = step.actions
+        failed = ~np.array([result.success for result in self.results])
+        return float(np.mean(failed & (last == Action.Done)))
+
     def summary(self) -> dict[str, Any]:
         """What was evaluated, and its figures: all, the long ones, by goal and by room type."""
         rooms = self.rooms
@@ -212,6 +221,7 @@ class Evaluation:
         return {
             **self.what,
             **figures(self.results, rooms),
+            "wrong_done": self.wrong_done,
             "long": figures([self.results[i] for i in long], rooms[long]) if long else None,
             "cf_sr_by_room_type": {
                 k: _cf_sr_of(self.results, kinds == k) for k in np.unique(kinds)

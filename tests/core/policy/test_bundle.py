@@ -37,6 +37,7 @@ from cfnav_core.policy.networks import AgentState, Observation, OnnxNetworks, To
 from cfnav_core.policy.policy import Policy
 from cfnav_core.scenes.scene import OfflineScene, SceneError
 from cfnav_core.task.actions import Action
+from cfnav_core.task.limits import step_limit
 from tests.core.worlds import hall
 
 SMALL = RunConfig(
@@ -297,6 +298,13 @@ def test_evaluation_is_frozen_and_paired(made):
     split = len(hall().next_state)
     expected = np.where(first.episodes.states >= split, "kitchen:1", "kitchen:0")
     np.testing.assert_array_equal(rooms, expected)
+
+
+def test_a_failure_is_a_wrong_done_or_comes_with_the_step_limit(made):
+    found = evaluate(made / "bundle", made / "scenes", 200, seed=5, sample=True)
+    early = [not r.success and r.path_length < step_limit("kitchen") for r in found.results]
+    assert found.wrong_done == found.summary()["wrong_done"] == pytest.approx(np.mean(early))
+    assert 0 < found.wrong_done < 1 - found.summary()["sr"] + 1e-9
 
 
 def test_a_checkpoint_is_evaluated_like_its_bundle(made):
