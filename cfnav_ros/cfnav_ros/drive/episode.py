@@ -33,7 +33,6 @@ DOCKS_AFTER = ("done", "step_limit", "time_limit")
 """Outcomes of a drive that nothing and nobody broke off."""
 
 RESTLESS = "The base does not come to rest: it drives by itself, or somebody pushes it."
-UNSEEN = "No new picture or scan arrives of where the robot stands."
 
 REST_TIMEOUT_S = 2.0
 """A robot that still moves this long after the end is reported as it is."""
@@ -263,9 +262,9 @@ class Episode:
         elif self._observable(inputs):
             self._ask(t, inputs)
         elif t - self._since > self._limits.observe_timeout:
-            self.fail(
-                self.track.slip.complaint() or (UNSEEN if self._conduct.rests() else RESTLESS)
-            )
+            unseen = f"No new {inputs.view} or scan arrives of where the robot stands."
+            rests = self._conduct.rests()
+            self.fail(self.track.slip.complaint() or (unseen if rests else RESTLESS))
         return Output()
 
     def _observable(self, inputs: SensorInputs) -> bool:

@@ -16,7 +16,7 @@ from cfnav_ros.drive.preflight import BaseCheck
 from cfnav_ros.lidar.estimate import Estimate, blind
 from cfnav_ros.robot.stamps import FUTURE_S, NEVER, NEVER_NS, OTHER_TIME_S, seconds
 
-PICTURE, DETECTIONS = "picture", "word of the detector"
+PICTURE, DETECTIONS = "picture", "message of the detector"
 """What a policy looks at: pictures, or what a detector says of them."""
 
 
