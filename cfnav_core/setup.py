@@ -12,7 +12,6 @@ setup(
     package_data={
         PACKAGE: [
             "bundles/**",
-            "perception/*.onnx",
             "perception/*.safetensors",
             "perception/*.md",
             "perception/NOTICE",
