@@ -9,7 +9,7 @@ collision. Done ends the episode, with success when the goal is visible; so does
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -23,7 +23,7 @@ from cfnav_core.learn.blocks import Blocks
 from cfnav_core.models.base import ObservationSpec
 from cfnav_core.scenes.draw import Law
 from cfnav_core.scenes.scene import OfflineScene, SceneError
-from cfnav_core.scenes.select import law_of, open_scenes
+from cfnav_core.scenes.select import law_of, open_scenes, without_goals
 from cfnav_core.task.actions import Action
 from cfnav_core.task.limits import step_limit
 from cfnav_core.task.vocabulary import ROOM_TYPES
@@ -172,21 +172,8 @@ class SceneBank:
             ValueError: rooms that cannot be read, or goals to leave out that nobody knows.
         """
         scenes = open_scenes(folder, rooms)
-        if unknown := set(leave_out) - set(scenes[0].objects):
-            raise ValueError(
-                f"found the goals {', '.join(sorted(unknown))} to leave out, expected some of "
-                f"{', '.join(scenes[0].objects)}"
-            )
         if leave_out:
-            left = [
-                replace(s, goals=tuple(g for g in s.goals if g not in leave_out)) for s in scenes
-            ]
-            scenes = [scene for scene in left if scene.goals]
-            if not scenes:
-                raise ValueError(
-                    f"found no room with another goal than {', '.join(leave_out)}, expected one; "
-                    "leave out fewer goals or give more rooms"
-                )
+            scenes = without_goals(scenes, leave_out)
         return cls(scenes, law=law_of(folder), device=device, in_memory=in_memory)
 
     @property

@@ -64,7 +64,7 @@ def with_further(checkpoint: Path, given: Sequence[str], out: Path) -> Path:
             f"found {checkpoint} that reads what a perception detects, and that detects what it "
             "learnt; leave --also out, or train on sightings (cfnav rooms boxes)"
         )
-    known, ours = tensors[WORDS].numpy(), words.vectors(inputs.objects)
+    known, ours = tensors.get(WORDS, torch.empty(0)).numpy(), words.vectors(inputs.objects)
     if known.shape != ours.shape or not np.allclose(known, ours, atol=1e-3):
         raise ValueError(
             f"found other word vectors in {checkpoint} than those that come with cfnav, which "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -57,6 +58,28 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
     if (folder / HEAD).exists():
         return open_store(folder, names)
     return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]
+
+
+def without_goals(scenes: Sequence[OfflineScene], goals: Sequence[str]) -> list[OfflineScene]:
+    """Scenes in which some goals are not asked for, without those that have no other.
+
+    Raises:
+        ValueError: nobody knows a goal, or no scene is left.
+    """
+    objects = scenes[0].objects
+    if unknown := set(goals) - set(objects):
+        raise ValueError(
+            f"found the goals {', '.join(sorted(unknown))} to leave out, expected some of "
+            f"{', '.join(objects)}"
+        )
+    left = [replace(s, goals=tuple(g for g in s.goals if g not in goals)) for s in scenes]
+    kept = [scene for scene in left if scene.goals]
+    if not kept:
+        raise ValueError(
+            f"found no room with another goal than {', '.join(goals)}, expected one; "
+            "leave out fewer goals or give more rooms"
+        )
+    return kept
 
 
 def has_lidar(folder: Path, names: Sequence[str]) -> bool:
