@@ -9,13 +9,17 @@ it was not trained with.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import Tensor, nn
 
 from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
 from cfnav_core.models.parts.heads import ActionEmbedding, ActorCritic, initialise
+from cfnav_core.models.parts.places import FOUND, WIDTH, Places
 from cfnav_core.models.parts.reading import columns_of, similarities, table
 from cfnav_core.models.size import ModelSize
+from cfnav_core.task.detections import SIGHTINGS
 
 KEY, VALUE = 64, 128
 
@@ -104,17 +108,18 @@ class TDANet(NavModel):
     reward = "similarity"
     title = "TDANet-style"
     zero_shot = True
+    knows_too: ClassVar[tuple[float, ...]] = ()
+    """Of the goal when it is found, beside what its detection says."""
 
     def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         self.columns = columns_of(inputs.fields)
-        _, _, context = self.columns.widths
+        found = (*self.columns.context.found, *self.knows_too)
         words = table(knowledge, "words", len(inputs.objects), None)
         self.register_buffer("words", words, persistent=False)
         self.register_buffer("similarity", similarities(words), persistent=False)
-        found = torch.tensor(self.columns.context.found)
-        self.register_buffer("found", found, persistent=False)
-        self.encoder = TargetAttention(words.shape[1], context)
+        self.register_buffer("found", torch.tensor(found), persistent=False)
+        self.encoder = TargetAttention(words.shape[1], len(found))
         self.action = ActionEmbedding()
         width = 3 * self.encoder.width + self.action.width
         self.policy = ActorCritic(width, size.hidden, layers=1)
@@ -123,10 +128,57 @@ class TDANet(NavModel):
 
     def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
-        goal, similarity = seen.goal, seen.goal @ self.similarity
         rows = self.columns.read(seen.detections)
-        now = self.encoder(rows.context, rows.detected, goal, self.words, similarity)
+        return self.decide(rows.context, rows.detected, seen, state)
+
+    def decide(
+        self, context: Tensor, there: Tensor, seen: ModelInput, state: State
+    ) -> tuple[Tensor, Tensor, State]:
+        """Decide by what is known of the objects.
+
+        Args:
+            context: float32 [B, C, K].
+            there: float32 [B, C], 0 or 1: of which something is known.
+            seen: all else.
+            state: of the actor and the critic.
+        """
+        goal, similarity = seen.goal, seen.goal @ self.similarity
+        now = self.encoder(context, there, goal, self.words, similarity)
         own = (goal * similarity).sum(1, keepdim=True)
         at_goal = self.encoder.of_goal(self.found.expand(own.shape[0], -1), own)
         x = torch.cat([now, at_goal, now - at_goal, self.action(seen.previous_action)], 1)
         return self.policy(x, seen.collision_probability, state)
+
+
+class TDANetPlaces(TDANet):
+    """The same, which also knows where each object was last seen (``parts.places``).
+
+    Args:
+        inputs: sightings.
+        size, knowledge: as of ``TDANet``.
+
+    Raises:
+        ValueError: the detections are no sightings: only these say where a thing is.
+    """
+
+    title = "TDANet-style with places"
+    knows_too = FOUND
+
+    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
+        if not set(inputs.fields) >= set(SIGHTINGS):
+            raise ValueError(
+                f"found detections with the fields {', '.join(inputs.fields) or 'none'}, expected "
+                "sightings (cfnav rooms boxes), which say where a thing is; or choose tdanet"
+            )
+        self.fields = inputs.fields
+        super().__init__(inputs, size, knowledge)
+        self.state_shapes = {**self.state_shapes, "places": (len(inputs.objects), WIDTH)}
+
+    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
+        """See ``NavModel.forward``."""
+        action = seen.previous_action
+        before = Places.read(state["places"]).after(action)
+        known = before.with_new(Places.of_sightings(seen.detections, self.fields), action)
+        context = torch.cat([self.columns.read(seen.detections).context, known.context()], 2)
+        pi, value, after = self.decide(context, known.there, seen, state)
+        return pi, value, {**after, "places": known.write()}

@@ -276,6 +276,11 @@ def actions_to(next_state: np.ndarray, targets: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distance), distance, -1).astype(np.int32)
 
 
+def step_m(heading: np.ndarray) -> np.ndarray:
+    """Length of a MoveAhead between positions of the grid, metres: float64 of int headings."""
+    return np.where(heading % 2, STEP_M * np.sqrt(2), STEP_M)
+
+
 def metres_to(
     next_state: np.ndarray, targets: np.ndarray, position: np.ndarray, heading: np.ndarray
 ) -> np.ndarray:
@@ -296,7 +301,7 @@ def metres_to(
     start, end = position[moved], position[ahead[moved]]
     # states that differ in tilt alone make the same move
     (start, end), first = np.unique(np.stack([start, end]), axis=1, return_index=True)
-    length = np.where(heading[moved[first]] % 2, STEP_M * np.sqrt(2), STEP_M)
+    length = step_m(heading[moved[first]])
     goals = np.unique(position[np.nonzero(targets)[0]])
     # the virtual node n leads to every goal; its links are 1 m long (scipy drops zeros) and that
     # metre is taken off again

@@ -24,7 +24,7 @@ from cfnav_ros.lidar.sweep import (
     seen_probability,
 )
 
-ESTIMATE_VERSION = 2
+ESTIMATE_VERSION = 3
 """Rises when the same scan is judged otherwise; a test holds it."""
 
 

@@ -19,8 +19,8 @@ from tqdm import tqdm
 
 from cfnav_core.files.provenance import made_by, sha256, sign
 from cfnav_core.files.whole import whole, writing
-from cfnav_core.scenes.scene import LIDAR, SCANS
-from cfnav_ros.lidar.estimate import ESTIMATE_VERSION, estimate_collision
+from cfnav_core.scenes.scene import HEADINGS, LIDAR, SCANS, step_m
+from cfnav_ros.lidar.estimate import ESTIMATE_VERSION, SweptDisc, estimate_collision
 from cfnav_ros.lidar.returns import Scan
 
 ANGLE_MIN, ANGLE_MAX = math.pi - math.radians(359.0), math.pi
@@ -46,10 +46,10 @@ def estimates_of(scans: Path) -> str:
 
 
 def probabilities(turns: np.ndarray) -> np.ndarray:
-    """The LiDAR node's probability at every position and heading.
+    """The LiDAR node's probability at every position and heading, of the grid's MoveAhead there.
 
     Args:
-        turns: float32 [..., N], ranges in metres.
+        turns: float32 [P, 8, N] or [8 P, N], ranges in metres.
 
     Returns:
         float32 [8 P], by position and heading; 1 where the scan says nothing.
@@ -57,7 +57,11 @@ def probabilities(turns: np.ndarray) -> np.ndarray:
     scans = turns.reshape(-1, turns.shape[-1])
     increment = (ANGLE_MAX - ANGLE_MIN) / (scans.shape[1] - 1)
     turn = (ANGLE_MIN, ANGLE_MAX, increment, RANGE_MIN, RANGE_MAX)
-    p = [estimate_collision(Scan(ranges, *turn)).probability for ranges in scans]
+    discs = [SweptDisc(step=float(step)) for step in step_m(np.arange(HEADINGS))]
+    p = [
+        estimate_collision(Scan(ranges, *turn), discs[k % HEADINGS]).probability
+        for k, ranges in enumerate(scans)
+    ]
     return np.array(p, np.float32)
 
 
