@@ -9,7 +9,7 @@ from cfnav_core.models.compact import Compact
 from cfnav_core.models.hoz import HOZ
 from cfnav_core.models.lstde import LSTDE
 from cfnav_core.models.mjolnir import MjolnirR
-from cfnav_core.models.tdanet import TDANet, TDANetPlaces
+from cfnav_core.models.tdanet import TDANet
 
 MODELS: dict[str, type[NavModel]] = {
     "compact": Compact,
@@ -20,6 +20,5 @@ MODELS: dict[str, type[NavModel]] = {
     "akgvp": AKGVP,
     "mjolnir": MjolnirR,
     "tdanet": TDANet,
-    "tdanet_places": TDANetPlaces,
 }
 """Name to class, which is made of data shapes, widths and tables of knowledge."""

@@ -3,13 +3,12 @@
 The article (Lian, Zhang, TDANet: Target-Directed Attention Network, 2024) has no public code, and
 its sizes are unknown. This is a network of its two ideas: attention over objects by words and by
 place, and one encoder for the present view and for the view at the goal (Siamese). It reads no
-picture features. Nothing is indexed by class but through words, so that it takes goals and objects
-it was not trained with.
+picture features. Where detections are sightings, which say where a thing is, it also knows where
+each object was seen before (``parts.places``); that is ours. Nothing is indexed by class but
+through words, so that it takes goals and objects it was not trained with.
 """
 
 from __future__ import annotations
-
-from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -108,13 +107,12 @@ class TDANet(NavModel):
     reward = "similarity"
     title = "TDANet-style"
     zero_shot = True
-    knows_too: ClassVar[tuple[float, ...]] = ()
-    """Of the goal when it is found, beside what its detection says."""
 
     def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
         super().__init__()
         self.columns = columns_of(inputs.fields)
-        found = (*self.columns.context.found, *self.knows_too)
+        self.tracks = self.columns.context.needs == SIGHTINGS
+        found = self.columns.context.found + (FOUND if self.tracks else ())
         words = table(knowledge, "words", len(inputs.objects), None)
         self.register_buffer("words", words, persistent=False)
         self.register_buffer("similarity", similarities(words), persistent=False)
@@ -123,62 +121,32 @@ class TDANet(NavModel):
         self.action = ActionEmbedding()
         width = 3 * self.encoder.width + self.action.width
         self.policy = ActorCritic(width, size.hidden, layers=1)
-        self.state_shapes = self.policy.state_shapes
+        self.state_shapes = {**self.policy.state_shapes}
+        if self.tracks:
+            self.state_shapes["places"] = (len(inputs.objects), WIDTH)
         initialise(self)
 
     def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
         """See ``NavModel.forward``."""
-        rows = self.columns.read(seen.detections)
-        return self.decide(rows.context, rows.detected, seen, state)
-
-    def decide(
-        self, context: Tensor, there: Tensor, seen: ModelInput, state: State
-    ) -> tuple[Tensor, Tensor, State]:
-        """Decide by what is known of the objects.
-
-        Args:
-            context: float32 [B, C, K].
-            there: float32 [B, C], 0 or 1: of which something is known.
-            seen: all else.
-            state: of the actor and the critic.
-        """
         goal, similarity = seen.goal, seen.goal @ self.similarity
+        context, there, remembered = self._known(seen, state)
         now = self.encoder(context, there, goal, self.words, similarity)
         own = (goal * similarity).sum(1, keepdim=True)
         at_goal = self.encoder.of_goal(self.found.expand(own.shape[0], -1), own)
         x = torch.cat([now, at_goal, now - at_goal, self.action(seen.previous_action)], 1)
-        return self.policy(x, seen.collision_probability, state)
+        logits, value, after = self.policy(x, seen.collision_probability, state)
+        return logits, value, {**after, **remembered}
 
+    def _known(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
+        """Context [B, C, K] of the objects, which can be attended to, what is remembered of them.
 
-class TDANetPlaces(TDANet):
-    """The same, which also knows where each object was last seen (``parts.places``).
-
-    Args:
-        inputs: sightings.
-        size, knowledge: as of ``TDANet``.
-
-    Raises:
-        ValueError: the detections are no sightings: only these say where a thing is.
-    """
-
-    title = "TDANet-style with places"
-    knows_too = FOUND
-
-    def __init__(self, inputs: ObservationSpec, size: ModelSize, knowledge: Knowledge) -> None:
-        if not set(inputs.fields) >= set(SIGHTINGS):
-            raise ValueError(
-                f"found detections with the fields {', '.join(inputs.fields) or 'none'}, expected "
-                "sightings (cfnav rooms boxes), which say where a thing is; or choose tdanet"
-            )
-        self.fields = inputs.fields
-        super().__init__(inputs, size, knowledge)
-        self.state_shapes = {**self.state_shapes, "places": (len(inputs.objects), WIDTH)}
-
-    def forward(self, seen: ModelInput, state: State) -> tuple[Tensor, Tensor, State]:
-        """See ``NavModel.forward``."""
-        action = seen.previous_action
-        before = Places.read(state["places"]).after(action)
-        known = before.with_new(Places.of_sightings(seen.detections, self.fields), action)
-        context = torch.cat([self.columns.read(seen.detections).context, known.context()], 2)
-        pi, value, after = self.decide(context, known.there, seen, state)
-        return pi, value, {**after, "places": known.write()}
+        Those that are seen; of sightings also those that were seen before, where they are now.
+        """
+        rows = self.columns.read(seen.detections)
+        if not self.tracks:
+            return rows.context, rows.detected, {}
+        action, columns = seen.previous_action, self.columns.columns
+        now = Places.of_sightings(*(seen.detections[:, :, at] for at in columns))
+        known = Places.read(state["places"]).after(action).with_new(now, action)
+        context = torch.cat([rows.context, known.context()], 2)
+        return context, known.there, {"places": known.write()}

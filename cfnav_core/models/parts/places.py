@@ -15,7 +15,6 @@ from torch import Tensor
 
 from cfnav_core.models.parts.reading import VIEW_RAD
 from cfnav_core.task.actions import STEP_M, TURN_RAD, Action
-from cfnav_core.task.detections import SIGHTINGS, Fields, places
 from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 
 SAME_COSINE = math.cos(math.radians(20.0))
@@ -27,7 +26,7 @@ NEAREST_M = 0.05
 """What the robot has reached is taken to be so far away, so that it keeps a direction."""
 
 RECENT = 8.0
-"""Decisions after which what is known has lost all but 1/e of its weight; ours."""
+"""Decisions after which what is known counts for 1/e, and for less than any new sighting; ours."""
 
 MANY = 5.0
 """Sightings of one place, after which more say nothing new; ours."""
@@ -66,13 +65,12 @@ class Places(NamedTuple):
         return torch.stack(list(self), 2)
 
     @classmethod
-    def of_sightings(cls, detections: Tensor, fields: Fields = SIGHTINGS) -> Places:
-        """Of what is seen now, float32 [B, C, D]."""
-        at = places(fields)
-        confidence, azimuth, elevation, width, height, distance = (
-            detections[:, :, at[name].start] for name in SIGHTINGS
-        )
-        there = (confidence > 0).to(detections.dtype)
+    def of_sightings(
+        cls, confidence: Tensor, azimuth: Tensor, elevation: Tensor, width: Tensor, height: Tensor,
+        distance: Tensor,
+    ) -> Places:  # fmt: skip
+        """Of what is seen now: the fields of ``SIGHTINGS``, float32 [B, C] each."""
+        there = (confidence > 0).to(azimuth.dtype)
         return cls(
             there, azimuth.cos() * there, azimuth.sin() * there, elevation.tan() * there,
             width, height, distance, torch.zeros_like(there), there,
@@ -104,6 +102,9 @@ class Places(NamedTuple):
     def with_new(self, seen: Places, action: Tensor) -> Places:
         """These, with what is seen now in place of what was known of it.
 
+        A place that was seen twice is not given up at once for a sighting elsewhere, which may be
+        a false alarm or another of its kind.
+
         Args:
             seen: from the same place.
             action: that led here; what is looked at twice from one place is no second sighting.
@@ -115,7 +116,8 @@ class Places(NamedTuple):
         moved = action[:, [Action.MoveAhead, Action.RotateLeft, Action.RotateRight]].sum(1)
         times = torch.where(same > 0, self.times + moved[:, None], 1.0)
         seen = seen._replace(times=times * seen.there)
-        now = seen.there > 0
+        kept = (same == 0) & (self.times > 1) & (self.age < RECENT)
+        now = (seen.there > 0) & ~kept
         return Places(*(torch.where(now, a, b) for a, b in zip(seen, self, strict=True)))
 
     def context(self) -> Tensor:
