@@ -83,6 +83,15 @@ def test_probabilities_tell_collisions(scenes: Path, grid: StateGrid) -> None:
     assert ((p >= 0.5) == grid.collided).mean() > 0.9
 
 
+def test_the_longer_way_on_diagonals_is_judged(scenes: Path, grid: StateGrid) -> None:
+    """A diagonal of the grid is 0.354 m long, and what stands 0.3 m ahead is in the way of it."""
+    lidar_states.run(lidar_states.EstimateOptions(scenes))
+    p = np.load(room_folder(scenes, "bathroom", 3) / LIDAR)
+    for diagonal in (0, 1):
+        blocked = grid.collided & (grid.heading % 2 == diagonal)
+        assert (p[blocked] >= 0.5).mean() > 0.93
+
+
 def test_rooms_that_were_scanned_are_not_scanned_again(scenes: Path) -> None:
     path = room_folder(scenes, "bathroom", 3) / SCANS
     before = path.stat().st_mtime_ns

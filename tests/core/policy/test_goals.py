@@ -15,7 +15,15 @@ from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.policy.goals import OTHER_NAMES, closest
 from cfnav_core.policy.policy import Policy
 from cfnav_core.task.vocabulary import CATEGORIES
-from tests.core.model_samples import BUILT_IN, SMALL, knowledge, outspoken, save_fresh, views
+from tests.core.model_samples import (
+    BUILT_IN,
+    SIGHTED,
+    SMALL,
+    knowledge,
+    outspoken,
+    save_fresh,
+    views,
+)
 
 PERCEPTION = shipped_perception()
 TRAINED = ("Laptop", "Mug")
@@ -95,18 +103,20 @@ def answers(model, order: np.ndarray, seen: list[ModelInput]) -> torch.Tensor:
     return torch.stack(logits)
 
 
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_zero_shot_models_have_no_weight_for_one_object_and_look_for_the_goal(name):
+@pytest.mark.parametrize(
+    ("name", "inputs"), [*((name, BUILT_IN) for name in sorted(MODELS)), ("tdanet", SIGHTED)]
+)
+def test_zero_shot_models_have_no_weight_for_one_object_and_look_for_the_goal(name, inputs):
     torch.manual_seed(0)
     same, known = np.arange(38), knowledge(38)
     order = np.random.default_rng(0).permutation(38)
-    model = outspoken(MODELS[name](BUILT_IN, SMALL, known)).eval()
+    model = outspoken(MODELS[name](inputs, SMALL, known)).eval()
     turned = MODELS[name](
-        replace(BUILT_IN, objects=tuple(CATEGORIES[i] for i in order)), SMALL,
+        replace(inputs, objects=tuple(CATEGORIES[i] for i in order)), SMALL,
         reordered(known, order),
     ).eval()  # fmt: skip
     turned.load_state_dict(model.state_dict())
-    seen = [views(BUILT_IN, 4, seed=t) for t in range(3)]
+    seen = [views(inputs, 4, seed=t) for t in range(3)]
     expected = answers(model, same, seen)
     indifferent = torch.allclose(answers(turned, order, seen), expected, atol=1e-5)
     hidden = [replace(s, detections=s.detections * (1 - s.goal[:, :, None])) for s in seen]

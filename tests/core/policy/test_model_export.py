@@ -9,9 +9,9 @@ import pytest
 import torch
 from torch import nn
 
-from cfnav_core.models.base import ModelInput
+from cfnav_core.models.base import ModelInput, ObservationSpec
 from cfnav_core.models.table import MODELS
-from tests.core.model_samples import BUILT_IN, SMALL, knowledge, views
+from tests.core.model_samples import BUILT_IN, SIGHTED, SMALL, knowledge, views
 
 FIELDS = tuple(ModelInput.__dataclass_fields__)
 
@@ -31,9 +31,9 @@ class Flat(nn.Module):
         return logits, value, *(state[name] for name in self.names)
 
 
-def export(model) -> onnxruntime.InferenceSession:
+def export(model, inputs: ObservationSpec) -> onnxruntime.InferenceSession:
     flat, file = Flat(model).eval(), io.BytesIO()
-    example = (*vars(views(BUILT_IN, 2)).values(), *model.zero_state(2).values())
+    example = (*vars(views(inputs, 2)).values(), *model.zero_state(2).values())
     outputs = ["logits", "value", *(f"next_{name}" for name in flat.names)]
     names = [*FIELDS, *flat.names]
     torch.onnx.export(
@@ -45,18 +45,21 @@ def export(model) -> onnxruntime.InferenceSession:
     return onnxruntime.InferenceSession(file.getvalue(), options)
 
 
-@pytest.mark.parametrize("name", sorted(MODELS))
+READ = [(name, BUILT_IN) for name in sorted(MODELS)] + [("tdanet", SIGHTED)]
+
+
+@pytest.mark.parametrize(("name", "inputs"), READ, ids=[f"{n}-{i.detections}" for n, i in READ])
 @pytest.mark.filterwarnings("error", "ignore::DeprecationWarning")
-def test_onnx_equals_torch(name):
+def test_onnx_equals_torch(name, inputs):
     torch.manual_seed(0)
-    model = MODELS[name](BUILT_IN, SMALL, knowledge(38)).eval()
-    session = export(model)
+    model = MODELS[name](inputs, SMALL, knowledge(38)).eval()
+    session = export(model, inputs)
     taken = {i.name for i in session.get_inputs()}
     for batch in (1, 5):
         state, given = model.zero_state(batch), {}
         for t in range(4):
             # the last view repeats the one before, so that the layout gap fades
-            seen = views(BUILT_IN, batch, seed=min(t, 2))
+            seen = views(inputs, batch, seed=min(t, 2))
             with torch.no_grad():
                 logits, value, state = model(seen, state)
             feeds = {k: v.numpy() for k, v in vars(seen).items()}
