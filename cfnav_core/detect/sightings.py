@@ -117,9 +117,10 @@ def table(seen: Iterable[Sighting], objects: Sequence[str]) -> np.ndarray:
     """
     out = np.zeros((len(objects), len(SIGHTINGS)), np.float16)
     rows = {name: row for row, name in enumerate(objects)}
-    for one in sorted(seen, key=lambda one: one.confidence):
-        if one.name in rows:
-            out[rows[one.name]] = [getattr(one, field) for field in SIGHTINGS]
+    with np.errstate(over="ignore"):  # becomes inf, which is refused below
+        for one in sorted(seen, key=lambda one: one.confidence):
+            if one.name in rows:
+                out[rows[one.name]] = [getattr(one, field) for field in SIGHTINGS]
     if not np.isfinite(out).all():
         raise ValueError("found a sighting with a number that is not finite, expected all to be")
     return out

@@ -25,7 +25,7 @@ the box lies, rad from straight ahead on the level, right and up positive; how w
 rad; how far its thing is from the robot's middle, metres, 0 where nobody knows."""
 
 
-def places(fields: Fields) -> dict[str, slice]:
+def columns(fields: Fields) -> dict[str, slice]:
     """Columns of each field, by its name without the width of a block.
 
     Raises:
@@ -43,7 +43,7 @@ def places(fields: Fields) -> dict[str, slice]:
 
 def width(fields: Fields) -> int:
     """D."""
-    return max((at.stop for at in places(fields).values()), default=0)
+    return max((at.stop for at in columns(fields).values()), default=0)
 
 
 DETECTED_ABOVE = {"score": 0.5, "confidence": 0.0, "visible": 0.0}
@@ -56,7 +56,7 @@ def confidence_column(fields: Fields) -> int:
     Raises:
         ValueError: there are fields and none says so.
     """
-    at = places(fields)
+    at = columns(fields)
     for name in DETECTED_ABOVE:
         if name in at:
             return at[name].start

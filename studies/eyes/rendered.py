@@ -20,7 +20,7 @@ from cfnav_core.perception.judge import agreement, counted, shown_in
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.perception.picture_set import HEAD, PictureSet
 from cfnav_core.policy.bundle import shipped_perception
-from cfnav_core.task.detections import places
+from cfnav_core.task.detections import columns
 from cfnav_core.task.intervals import FEW
 from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in
 from cfnav_core.task.vocabulary import CATEGORIES
@@ -79,7 +79,7 @@ def scores(network: OnnxPerception, folder: Path) -> Scores:
             f"found pictures of {pictures.pictures.shape[1:3]} in {folder}, expected {gives.size} "
             f"and a network that knows the {len(CATEGORIES)} categories; give fitting ones"
         )
-    at = places(gives.fields)
+    at = columns(gives.fields)
     rows = [
         network(np.asarray(pictures.pictures[i : i + BATCH])).detections
         for i in range(0, len(pictures.pictures), BATCH)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from cfnav_core.models.base import Knowledge
-from cfnav_core.task.detections import DETECTED_ABOVE, SIGHTINGS, Fields, places, width
+from cfnav_core.task.detections import DETECTED_ABOVE, SIGHTINGS, Fields, columns, width
 from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 
 PICTURE_PX = 300
@@ -139,7 +139,7 @@ def columns_of(fields: Fields) -> Columns:
     Raises:
         ValueError: they do not say how surely and where an object is seen.
     """
-    at, whole = places(fields), slice(0, width(fields))
+    at, whole = columns(fields), slice(0, width(fields))
     sure = next((name for name in DETECTED_ABOVE if name in at), None)
     context = next((row for row in CONTEXTS if at.keys() >= set(row.needs)), None)
     if sure is None or context is None:
@@ -150,8 +150,8 @@ def columns_of(fields: Fields) -> Columns:
         )
     looks = at.get("appearance")
     info = slice(looks.stop, whole.stop) if looks else whole
-    columns = tuple(at[name].start for name in context.needs)
-    return Columns(looks or whole, info, at[sure].start, DETECTED_ABOVE[sure], context, columns)
+    of_context = tuple(at[name].start for name in context.needs)
+    return Columns(looks or whole, info, at[sure].start, DETECTED_ABOVE[sure], context, of_context)
 
 
 def table(knowledge: Knowledge, name: str, *shape: int | None) -> Tensor:

@@ -9,9 +9,9 @@ from cfnav_core.task.detections import (
     BOXES,
     HULLS,
     SCORES,
+    columns,
     confidence_column,
     fields_before_names,
-    places,
     width,
 )
 
@@ -28,14 +28,14 @@ def test_an_unknown_width_is_refused() -> None:
 
 
 def test_a_block_has_its_width() -> None:
-    assert places(BOXES)["appearance"] == slice(0, 512)
-    assert places(BOXES)["confidence"] == slice(516, 517)
+    assert columns(BOXES)["appearance"] == slice(0, 512)
+    assert columns(BOXES)["confidence"] == slice(516, 517)
 
 
 @pytest.mark.parametrize("fields", [("x", "x"), ("appearance*many",), ("*3",)])
 def test_fields_that_make_no_sense_are_refused(fields: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match="each name once"):
-        places(fields)
+        columns(fields)
 
 
 def test_models_read_fields_by_name_in_any_order() -> None:
