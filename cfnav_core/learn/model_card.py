@@ -67,8 +67,8 @@ def _eyes(head: BundleHead) -> str:
         return f"one RGB camera{_seen_by(head.camera)}"
     return (
         "an object detector on a camera whose field of view is known, and a LiDAR. It reads names, "
-        f"directions and distances of boxes, no picture; it learnt from a camera"
-        f"{_seen_by(head.camera)}"
+        "directions and distances of boxes and no picture, and remembers where each was; it learnt "
+        f"from a camera{_seen_by(head.camera)}"
     )
 
 
