@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cfnav_ros.lidar.estimate import ESTIMATE_VERSION
-from cfnav_ros.lidar.states import probabilities
+from cfnav_ros.lidar.states import ESTIMATE_VERSION, probabilities
 from sim_bridge.data.scans import SCANS_VERSION
 from sim_bridge.robot.lidar_turn import standing_turn
 from sim_bridge.robot.noise import Noise, NoiseLevels

@@ -24,9 +24,6 @@ from cfnav_ros.lidar.sweep import (
     seen_probability,
 )
 
-ESTIMATE_VERSION = 3
-"""Rises when the same scan is judged otherwise; a test holds it."""
-
 
 class Verdict(IntEnum):
     """Quality of one estimate; the values are those of cfnav_interfaces/CollisionEstimate."""
