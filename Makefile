@@ -52,7 +52,7 @@ bench-deploy: setup-test ## Measure faults, motions, LiDAR, CPU and memory on li
 bench-bag: setup-test ## Measure how bags are read, replayed and judged; goes on where it stopped
 	@$(ENV) exec python -m studies.bags.bench --out $(BENCH_OUT) $(if $(ONLY),--only $(ONLY))
 
-train-demo: setup-test ## Make the bundles from nothing (days); goes on where it stopped (CAMERAS=mast)
+train-demo: setup-test ## Make the bundles from nothing (days); goes on where it stopped (BUNDLES=boxes)
 	@$(ENV) exec scripts/train_demo.sh
 
 reproduce: setup-test ## Remake the paper's tables and figures from nothing (days on two cores); goes on where it stopped

@@ -65,6 +65,8 @@ class Evaluate:
             content |= {"against": second.summary()}
             content |= {"paired": paired_difference(first, second)}
             print(f"CF-SR difference {paired_text(content['paired'])}")
+            if of_rest := content["paired"]["other_goals"]:
+                print(f"  of goals that the first was not trained to find {paired_text(of_rest)}")
         if self.json is not None:
             write_json(self.json, content)
 
@@ -120,11 +122,19 @@ class Info:
 
 
 def _print(policy: Path, f: dict[str, Any]) -> None:
-    print(
-        f"{policy} ({f['model']}, {f['method']}): {f['episodes']} episodes  "
-        f"SR {f['sr']:.3f}  SPL {f['spl']:.3f}  "
+    who = f"{policy} ({f['model']}, {f['method']})"
+    print(f"{who}: {_line(f)}  wrong Done {f['wrong_done']:.3f}")
+    if f["other_goals"]:
+        if f["trained_goals"]:
+            print(f"  goals that it was trained to find: {_line(f['trained_goals'])}")
+        print(f"  goals that it was not trained to find: {_line(f['other_goals'])}")
+
+
+def _line(f: dict[str, Any]) -> str:
+    return (
+        f"{f['episodes']} episodes  SR {f['sr']:.3f}  SPL {f['spl']:.3f}  "
         f"CF-SR {f['cf_sr']:.3f} {ends_text(f['cf_sr_interval'])}  CF-SPL {f['cf_spl']:.3f}  "
-        f"collisions {f['collisions_per_episode']:.2f}  wrong Done {f['wrong_done']:.3f}"
+        f"collisions {f['collisions_per_episode']:.2f}"
     )
 
 

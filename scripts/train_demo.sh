@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Remakes the bundles from nothing: default (camera on a mast) and turtlebot4 (as sold, wide), each
-# ours, beside plain from the same stage one. Takes days, and 37 and 47 GB for perception's pictures;
-# goes on where it stopped when run again.
-#   OUT=out/train CAMERAS="mast stock_wide" scripts/train_demo.sh
+# Remakes the bundles from nothing: default (camera on a mast), turtlebot4 (as sold, wide) and boxes
+# (any detector, in the rooms of turtlebot4), each ours, beside plain from the same stage one. Takes
+# days, and 37 and 47 GB for perception's pictures; goes on where it stopped when run again.
+#   OUT=out/train BUNDLES="default turtlebot4 boxes" scripts/train_demo.sh
 # Perception learns from 200 pictures of each of its own rooms, while they are rendered; the second
 # camera's begins with the first one's. Training rooms train both policies, validation rooms end
 # stage one and choose checkpoints, test rooms are looked at once, at the end. Those shipped so far
@@ -10,7 +10,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-seed=${SEED:-0}
+seed=${SEED:-0} root=${OUT:-out/train}
 views=${VIEWS:-1000-1166}                      # seeds of each type and furniture, varied too
 pictures=${PICTURES:-2000000}
 training=${TRAINING:-worlds:train sweet_home.worlds:train}
@@ -41,17 +41,32 @@ see() { # the pictures, and beside them the network that learns from those that 
     --wait-for "${WAIT_FOR:-160}" ${begin:+--begin "$begin"}
   wait $!
 }
+render() { # render ROOMS...
+  cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
+    --out "$out/scenes"
+}
+detect() { # detect FOLDER ROOMS... [-- MORE]: what a detector and the LiDAR say in these rooms
+  local folder=$1 rooms=()
+  shift
+  while [ $# -gt 0 ] && [ "$1" != -- ]; do rooms+=("$1") && shift; done
+  cfnav rooms boxes "$root/turtlebot4/scenes" $(each --rooms "${rooms[@]}") --out "$folder" "${@:2}"
+}
+listen() { # listen FOLDER ROOMS...: the LiDAR's p_hat
+  cfnav rooms scan "$1" $(each --rooms "${@:2}") && cfnav data lidar "$1"
+}
+
+# What a kind of bundle adds to these commands is in learnt, exported and judged.
 train() { # train METHOD [MORE]
   cfnav train --scenes "$out/scenes" $(each --train-rooms $training) \
     $(each --validation-rooms $validation) --stage1-episodes "$stage1" --stage2-episodes "$stage2" \
-    --validation-every "$every" --method "$1" --seed "$seed" --out "$out/$1" "${@:2}"
+    --validation-every "$every" --method "$1" --seed "$seed" --out "$out/$1" "${learnt[@]}" "${@:2}"
 }
 export_bundle() { # export_bundle METHOD FOLDER NAME [MORE]
-  cfnav export "$out/$1/best.safetensors" --perception "$perception" --name "$3" --out "$2" \
-    --commands '`scripts/train_demo.sh` (`make train-demo`)' "${@:4}"
+  cfnav export "$out/$1/best.safetensors" --name "$3" --out "$2" \
+    --commands '`scripts/train_demo.sh` (`make train-demo`)' "${exported[@]}" "${@:4}"
 }
 evaluate() { # evaluate FILE ROOMS...
-  cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" --scenes "$out/scenes" \
+  cfnav evaluate "$out/bundle_ours" --against "$out/bundle_plain" "${judged[@]}" \
     $(each --rooms "${@:2}") --episodes "$episodes" --seed "$seed" --json "$out/$1.json"
 }
 drive() { # drive METHOD
@@ -60,29 +75,51 @@ drive() { # drive METHOD
   python -m studies.live.trials episodes --room "${rooms// /,}" --episodes "$trials" --speed 0 \
     --camera "$camera" --bundle "$out/bundle_$1" --out "$out/live/$1.jsonl"
 }
-
-remake() { # remake CAMERA NAME
-  camera=$1 out=${OUT:-out/train}/$1
-  perception=$out/perception/perception.onnx
-  once perception see
-  begin=$perception
-  render() { cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
-    --out "$out/scenes"; }
-  once rooms render $training $validation
+policies() { # policies NAME [MORE]: ours and plain, judged without ROS and on the live graph
   once ours train ours --stage1-most "$most"
   once plain train plain --stage1 "$out/ours/stage1.safetensors"
   for method in plain ours; do once "$method.bundle" export_bundle $method "$out/bundle_$method" $method; done
-  once tests render $tests
   for rooms in $tests; do once "$rooms" evaluate "metrics_${rooms%%:*}" "$rooms"; done
   once metrics evaluate metrics $tests
   for method in plain ours; do once "$method.live" drive $method; done
   once live python -m studies.live.live_results "$out/live/ours.jsonl" "$out/live/plain.jsonl" \
     --json "$out/live.json"
-  once bundle export_bundle ours "$out/$2" "$2" --metrics "$out/metrics.json" --live "$out/live.json"
+  once bundle export_bundle ours "$out/$1" "$1" --metrics "$out/metrics.json" --live "$out/live.json" \
+    "${@:2}"
+}
+
+rooms_of() { # rooms_of NAME CAMERA: perception, and the rooms as it sees them
+  camera=$2 out=$root/$1
+  perception=$out/perception/perception.onnx
+  once perception see
+  begin=$perception
+  once rooms render $training $validation
+  once tests render $tests
+}
+remake() { # remake NAME CAMERA
+  rooms_of "$1" "$2"
+  learnt=() exported=(--perception "$perception") judged=(--scenes "$out/scenes")
+  policies "$1"
+}
+remake_boxes() {
+  rooms_of turtlebot4 stock_wide
+  out=$root/boxes
+  once rooms detect "$out/scenes" $training $validation
+  once tests detect "$out/sealed" $tests -- --distance lidar
+  once scans listen "$out/sealed" $tests
+  once knowledge cfnav data knowledge "$out/scenes" $(each --rooms $training) \
+    --out "$out/knowledge.safetensors"
+  learnt=(--model tdanet --knowledge "$out/knowledge.safetensors")
+  exported=() judged=(--scenes "$out/sealed" --p-hat lidar)
+  policies boxes --also coco
 }
 
 trap 'kill $(jobs -p) 2> /dev/null || true' EXIT # the pictures end with what they are for
-for camera in ${CAMERAS:-mast stock_wide}; do
-  case $camera in mast) name=default ;; stock_wide) name=turtlebot4 ;; *) name=$camera ;; esac
-  remake "$camera" "$name"
+for bundle in ${BUNDLES:-default turtlebot4 boxes}; do
+  case $bundle in
+    default) remake default mast ;;
+    turtlebot4) remake turtlebot4 stock_wide ;;
+    boxes) remake_boxes ;;
+    *) remake "$bundle" "$bundle" ;; # for another camera, named as that is
+  esac
 done

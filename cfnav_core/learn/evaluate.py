@@ -177,10 +177,12 @@ class Evaluation:
 
     Attributes:
         what: path, model, method, seed, commit and training episodes of what was evaluated.
+        goals: those that it was trained to find.
         trace: every step of the episodes.
     """
 
     what: dict[str, Any]
+    goals: tuple[str, ...]
     bank: SceneBank
     episodes: Episodes
     results: list[EpisodeResult]
@@ -201,6 +203,11 @@ class Evaluation:
         return np.array(self.bank.names)[self.bank.scene[self.episodes.states]]
 
     @property
+    def trained(self) -> np.ndarray:
+        """Bool [N], whether each episode's goal is one that it was trained to find."""
+        return np.isin(self.bank.objects, self.goals)[self.episodes.goals]
+
+    @property
     def wrong_done(self) -> float:
         """Share of the episodes that ended with a Done while the goal was not in view."""
         last = np.zeros(len(self.results), np.int64)
@@ -210,9 +217,12 @@ class Evaluation:
         return float(np.mean(failed & (last == Action.Done)))
 
     def summary(self) -> dict[str, Any]:
-        """What was evaluated, and its figures: all, the long ones, by goal and by room type."""
-        rooms = self.rooms
-        long = [i for i, r in enumerate(self.results) if r.shortest_path_length >= LONG_EPISODE]
+        """What was evaluated, and its figures: all, the long ones, by goal and by room type.
+
+        Goals that it was trained to find and others apart; None where there are no such episodes.
+        """
+        rooms, trained = self.rooms, self.trained
+        long = np.array([r.shortest_path_length >= LONG_EPISODE for r in self.results])
         by_goal = {
             self.bank.objects[g]: _cf_sr_of(self.results, self.episodes.goals == g)
             for g in np.unique(self.episodes.goals)
@@ -222,14 +232,20 @@ class Evaluation:
             **self.what,
             **figures(self.results, rooms),
             "wrong_done": self.wrong_done,
-            "long": figures([self.results[i] for i in long], rooms[long]) if long else None,
+            "long": self._figures_of(long),
+            "trained_goals": self._figures_of(trained), "other_goals": self._figures_of(~trained),
             "cf_sr_by_room_type": {
                 k: _cf_sr_of(self.results, kinds == k) for k in np.unique(kinds)
             },
             "cf_sr_by_goal": by_goal,
             "episodes_identity": self.episodes.identity(self.bank),
             "scenes": self.bank.names,
-        }
+        }  # fmt: skip
+
+    def _figures_of(self, chosen: np.ndarray) -> dict[str, Any] | None:
+        """Figures of the episodes that bool [N] chooses, None when it chooses none."""
+        results = [self.results[i] for i in np.flatnonzero(chosen)]
+        return figures(results, self.rooms[chosen]) if results else None
 
 
 def _cf_sr_of(results: list[EpisodeResult], chosen: np.ndarray) -> dict[str, float]:
@@ -245,6 +261,7 @@ class Candidate:
         networks: its own.
         perception: identity of what made the pictures' features that it reads.
         objects: what it reads detections of.
+        goals: those that it was trained to find.
         what: see ``Evaluation``.
         reads_sightings: whoever made them.
     """
@@ -252,6 +269,7 @@ class Candidate:
     networks: Networks
     perception: str
     objects: tuple[str, ...]
+    goals: tuple[str, ...]
     what: dict[str, Any]
     reads_sightings: bool
 
@@ -270,12 +288,15 @@ class Candidate:
             )
             what = {"checkpoint": str(path), **_origin(trained.head)}
             inputs, made_by = trained.inputs, trained.head["perception"]
-            return cls(networks, made_by, inputs.objects, what, inputs.fields == SIGHTINGS)
+            goals, sightings = tuple(trained.head["goals"]), inputs.fields == SIGHTINGS
+            return cls(networks, made_by, inputs.objects, goals, what, sightings)
         folder = find_bundle(path)
         head = BundleHead.load(folder)
         sightings, what = head.reads_sightings, {"bundle": str(path), **_origin(head.training)}
         perception = "" if sightings else eyes_of(folder, head).identity
-        return cls(OnnxNetworks(folder, head), perception, head.objects, what, sightings)
+        return cls(
+            OnnxNetworks(folder, head), perception, head.objects, head.goals, what, sightings
+        )
 
 
 def _origin(head: dict[str, Any]) -> dict[str, Any]:
@@ -320,7 +341,7 @@ def evaluate(
     results = run_episodes(
         candidate.networks, bank, drawn, seed if sample else None, kind, lidar, veto, trace
     )
-    return Evaluation(candidate.what, bank, drawn, results, trace)
+    return Evaluation(candidate.what, candidate.goals, bank, drawn, results, trace)
 
 
 def _check_fits(candidate: Candidate, path: Path, bank: SceneBank, scenes: Path) -> None:
@@ -349,10 +370,14 @@ def _check_fits(candidate: Candidate, path: Path, bank: SceneBank, scenes: Path)
 def paired_difference(a: Evaluation, b: Evaluation) -> dict[str, Any]:
     """CF-SR of ``a`` minus ``b`` on the same episodes, see ``metrics.paired``.
 
+    Under ``other_goals`` also of those whose goal ``a`` was not trained to find; None without any.
+
     Raises:
         ValueError: the episodes differ.
     """
     if a.episodes.identity(a.bank) != b.episodes.identity(b.bank):
         raise ValueError("found two evaluations of different episodes, expected the same")
     ours, other = (np.array([r.cf_success for r in of.results]) for of in (a, b))
-    return paired(ours, other, a.rooms)
+    rest = ~a.trained
+    of_rest = paired(ours[rest], other[rest], a.rooms[rest]) if rest.any() else None
+    return {**paired(ours, other, a.rooms), "other_goals": of_rest}

@@ -150,6 +150,12 @@ def _measured(head: BundleHead) -> list[str]:
             f"more: CF-SR {m['long']['cf_sr']:.3f}, SR {m['long']['sr']:.3f}.",
             "",
         ]
+    if other := m.get("other_goals"):
+        lines += [
+            f"Of these, the {other['episodes']} episodes whose goal it was not trained to find: "
+            f"CF-SR {other['cf_sr']:.3f}, SR {other['sr']:.3f}.",
+            "",
+        ]
     lines += [f"Command: `{m['command']}`", "", "| goal | CF-SR | episodes |", "|---|---|---|"]
     by_goal = sorted(m["cf_sr_by_goal"].items(), key=lambda row: -row[1]["cf_sr"])
     lines += [f"| {g} | {row['cf_sr']:.2f} | {row['episodes']} |" for g, row in by_goal]

@@ -50,7 +50,8 @@ def figures_of_chance(split: Split, bench: Bench) -> Figures:
             bank = SceneBank.load(bench.places.scenes, sorted({s.scene for s in starts}))
             episodes = Episodes.thaw(bank, starts)
             results = run_episodes(Uniform(), bank, episodes, seed)
-            save(Evaluation({"commit": commit()}, bank, episodes, results, []), path)
+            what = {"commit": commit()}
+            save(Evaluation(what, bank.objects, bank, episodes, results, []), path)
     about = {
         "table": "own", "row": "random", "model": "none", "method": "random", "split": split,
         "p_hat": "own", "veto": False, "sample": True, "preset": "", "command": bench.command,

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cfnav_core.detect.sightings import Sighting
-from cfnav_core.learn.evaluate import evaluate
+from cfnav_core.learn.evaluate import evaluate, paired_difference
 from cfnav_core.learn.export import export_bundle
 from cfnav_core.perception.perception import NETWORKS, PerceptionError
 from cfnav_core.policy.bundle import PERCEPTION, BundleHead
 from cfnav_core.policy.policy import Policy
-from cfnav_core.scenes.scene import SceneError
+from cfnav_core.scenes.scene import OfflineScene, SceneError
 from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.vocabulary import CATEGORIES
 from tests.core.model_samples import save_fresh
@@ -77,13 +77,33 @@ def test_a_perception_is_neither_wanted_nor_spared(checkpoint: Path, tmp_path: P
         export_bundle(other, None, tmp_path / "b", "b")
 
 
-def test_it_is_tested_in_scenes_of_any_detector(bundle: Path, tmp_path: Path) -> None:
-    seen = hall()
+def sighted(seen: OfflineScene, made_by: str = "boxes") -> OfflineScene:
+    """The same scene through a detector that sees what is visible."""
     sightings = np.zeros((seen.num_states, len(CATEGORIES), len(SIGHTINGS)), np.float16)
     sightings[seen.visible] = [0.9, 0.1, 0, 0.1, 0.1, 1.0]
+    return replace(seen, fields=SIGHTINGS, detections=sightings, perception=made_by)
+
+
+def test_goals_that_it_never_trained_on_are_told_apart(bundle: Path, tmp_path: Path) -> None:
+    sighted(hall()).save(tmp_path / "kitchen_00000")
+    found = evaluate(bundle, tmp_path, 40, 0, p_hat="true", rooms=["kitchen:0"], sample=True)
+    assert set(found.trained) == {True, False}  # Mug and Laptop
+    every, parts = found.summary(), (found.trained, ~found.trained)
+    for key, chosen in zip(("trained_goals", "other_goals"), parts, strict=True):
+        assert every[key]["episodes"] == chosen.sum()
+        assert every[key]["sr"] == np.mean([r.success for r in np.array(found.results)[chosen]])
+    better = [replace(r, success=True, collisions=0) for r in found.results]
+    rose = paired_difference(replace(found, results=better), found)["other_goals"]
+    assert rose["cf_sr_difference"] == pytest.approx(1 - every["other_goals"]["cf_sr"])
+    known = replace(found, goals=("Laptop", "Mug"))
+    assert known.summary()["other_goals"] is None
+    assert paired_difference(known, found)["other_goals"] is None
+
+
+def test_it_is_tested_in_scenes_of_any_detector(bundle: Path, tmp_path: Path) -> None:
+    seen = hall()
     for made_by in ("boxes", "another"):
-        scene = replace(seen, fields=SIGHTINGS, detections=sightings, perception=made_by)
-        scene.save(tmp_path / made_by / "kitchen_00000")
+        sighted(seen, made_by).save(tmp_path / made_by / "kitchen_00000")
         assert (
             len(evaluate(bundle, tmp_path / made_by, 5, 0, p_hat="true", rooms=[seen.name]).results)
             == 5
