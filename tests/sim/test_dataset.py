@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from sim_bridge.data.dataset import Look, RoomOptions, render_views, run
+from sim_bridge.data.dataset import Look, RoomOptions, render_scene, render_views, run
 from sim_bridge.room.room import generate_room
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.grid import state_grid
@@ -88,6 +88,27 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     again = OfflineScene.load(tmp_path / "bathroom_00000")
     assert again.perception != scene.perception
     assert (np.asarray(again.features) != features).any()
+
+
+def test_another_perception_leaves_what_is_visible(tmp_path, perception):
+    look = Look(CAMERAS["stock_preview"], perception)
+    render_scene("bathroom", 0, tmp_path, look)
+    first = OfflineScene.load(tmp_path / "bathroom_00000")
+    features, visible = np.array(first.features), np.array(first.visible)
+    visible[3] ^= True  # nobody sees this: it tells where the next one has it from
+    replace(first, features=features, visible=visible).save(tmp_path / "bathroom_00000")
+    torch.manual_seed(1)
+    export_perception(PerceptionNet(), tmp_path / "other.onnx")
+    render_scene("bathroom", 0, tmp_path, replace(look, perception=tmp_path / "other.onnx"))
+    again = OfflineScene.load(tmp_path / "bathroom_00000")
+    assert (np.asarray(again.features) != features).any()
+    np.testing.assert_array_equal(again.visible, visible)
+    # seen by another light, it is another room
+    shifted_look = replace(look, visual_shift=1.0)
+    render_scene("bathroom", 0, tmp_path, shifted_look)
+    np.testing.assert_array_equal(
+        OfflineScene.load(tmp_path / "bathroom_00000").visible[3], ~visible[3]
+    )
 
 
 def test_views_are_made_again_when_they_are_others_or_fewer(tmp_path, capsys):

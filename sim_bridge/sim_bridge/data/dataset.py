@@ -118,16 +118,17 @@ class Look:
 def render_scene(kind: str, seed: int, out: Path, look: Look) -> int:
     """Make the scene of a room; returns its number of states.
 
-    Pictures kept from an earlier run of the same version are not rendered again.
+    Of an earlier run of the same version what another perception leaves as it is stays: what is
+    visible where, and pictures that were kept.
     """
     folder, perception = room_folder(out, kind, seed), OnnxPerception(look.perception)
-    old = _kept(folder, kind, look)
-    if old is None:
-        scene, pictures = _render(kind, seed, look, perception.gives)
+    scene = _before(folder, kind, look)
+    if scene is not None and (folder / PICTURES).exists():
+        pictures = np.load(folder / PICTURES, mmap_mode="r")
+    else:
+        scene, pictures = _render(kind, seed, look, perception.gives, scene)
         if look.keep_pictures:
             _keep(folder, pictures)
-    else:
-        scene, pictures = old, np.load(folder / PICTURES, mmap_mode="r")
     rows = [perception(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
     replace(
         scene, perception=perception.identity, fields=perception.gives.fields,
@@ -145,12 +146,11 @@ def _keep(folder: Path, pictures: np.ndarray) -> None:
             np.save(file, pictures)
 
 
-def _kept(folder: Path, kind: str, look: Look) -> OfflineScene | None:
-    """The scene whose pictures can be used again."""
+def _before(folder: Path, kind: str, look: Look) -> OfflineScene | None:
+    """The scene of an earlier run, when it is of the same room seen alike."""
     scene = _whole(folder)
     made_with = room_source(kind, look.visual_shift), look.camera
-    same = scene and (scene.source, scene.camera) == made_with and (folder / PICTURES).exists()
-    return scene if same else None
+    return scene if scene and (scene.source, scene.camera) == made_with else None
 
 
 def _whole(folder: Path) -> OfflineScene | None:
@@ -162,25 +162,31 @@ def _whole(folder: Path) -> OfflineScene | None:
         return None
 
 
-def _render(kind: str, seed: int, look: Look, percept: Percept) -> tuple[OfflineScene, np.ndarray]:
-    """Transitions, visibility and pictures uint8 [S, H, W, 3] of a room, without features."""
+def _render(
+    kind: str, seed: int, look: Look, percept: Percept, before: OfflineScene | None
+) -> tuple[OfflineScene, np.ndarray]:
+    """Transitions, visibility and pictures uint8 [S, H, W, 3] of a room, without features.
+
+    What is visible is taken from the scene before, where there is one of the same objects.
+    """
     from sim_bridge.world.camera import Camera
     from sim_bridge.world.grid import state_grid
     from sim_bridge.world.world import World
 
     world = World(generate_room(kind, seed), look.camera.on_mast)
     grid = state_grid(world, look.camera.horizons)
-    states, objects = len(grid.next_state), percept.objects
-    pictures = np.empty((states, *percept.size, 3), np.uint8)
-    visible = np.zeros((states, len(CATEGORIES)), bool)
+    states, objects = np.arange(len(grid.next_state)), percept.objects
+    pictures = np.empty((len(states), *percept.size, 3), np.uint8)
     with Camera(world, look.camera) as camera:
-        for state in range(states):
-            pose = grid.pose(state)
-            pictures[state] = percept.preprocess(shifted(camera.rgb(pose), look.visual_shift))
-            visible[state] = camera.visible_categories(pose)
-    visible = _of(objects, visible)
+        for state in states:
+            rgb = camera.rgb(grid.pose(int(state)))
+            pictures[state] = percept.preprocess(shifted(rgb, look.visual_shift))
+    if before is not None and before.objects == objects:
+        visible = np.array(before.visible)
+    else:
+        visible = sampled_visible(world, grid, look.camera, objects, states)
     often = visible.sum(0) >= MIN_GOAL_STATES
-    none = np.empty((states, 0), np.float16)
+    none = np.empty((len(states), 0), np.float16)
     scene = OfflineScene(
         name=f"{kind}:{seed}", room_type=type_of(kind), perception="", camera=look.camera,
         source=room_source(kind, look.visual_shift), objects=objects,
