@@ -43,7 +43,7 @@ from sim_bridge.robot.noise import Noise, NoiseLevels
 if TYPE_CHECKING:
     from sim_bridge.world.world import Pose, World
 
-BOXES_VERSION = 2
+BOXES_VERSION = 3
 """Rises when the same scene gets other boxes; a test holds it."""
 
 By = Literal["size", "lidar", "depth", "nothing"]
