@@ -94,19 +94,29 @@ class OnnxDetector:
     def __call__(self, rgb: np.ndarray, least: float = LEAST) -> list[Detection]:
         """What a picture shows, best first, by the names of the labels.
 
-        Boxes without area in the picture, and boxes and scores that are no numbers, are left out.
+        Boxes without area in the picture are left out.
 
         Args:
             rgb: uint8 [H, W, 3].
             least: score.
 
         Raises:
-            ValueError: it says a class that the labels lack.
+            ValueError: it says a class that the labels lack, scores that are none, or places that
+                are no numbers: a picture of which that is said is not one without things.
         """
         boxes, scores = self.found(rgb)
-        finite, boxes = np.isfinite(boxes).all(1), boxes.clip(0, 1)
-        whole = finite & (boxes[:, 2:] > boxes[:, :2]).all(1)
-        at, classes = np.nonzero(whole[:, None] & (scores >= least) & (scores <= 1 + ROUNDED))
+        if not (scores <= 1 + ROUNDED).all():  # nan is not, either
+            raise ValueError(
+                f"found a score of {scores.max():g} in what the detector says, expected at most 1: "
+                f"is {self.head} its head, and are its numbers whole?"
+            )
+        if not np.isfinite(boxes[(scores >= least).any(1)]).all():
+            raise ValueError(
+                "found a box that the detector is sure of at no numbers, expected 0..1"
+            )
+        boxes = boxes.clip(0, 1)
+        whole = (boxes[:, 2:] > boxes[:, :2]).all(1)
+        at, classes = np.nonzero(whole[:, None] & (scores >= least))
         sure = scores[at, classes].clip(0, 1)
         best = np.argsort(-sure, kind="stable")[:MOST]
         at, classes, sure = at[best], classes[best], sure[best]

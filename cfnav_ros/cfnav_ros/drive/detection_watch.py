@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from cfnav_core.detect.detector import LEAST
 from cfnav_core.detect.labels import load_labels
 from cfnav_core.detect.sightings import Ranging, Sighting, by_ranges, by_size, known_sizes, sighted
 from cfnav_core.perception.boxes import Box, Detection
@@ -25,7 +26,7 @@ from cfnav_ros.robot.stamps import seconds
 MOCK_LABELS = "cfnav"
 """By whose numbers the mock's detector says what it knows."""
 
-FAR_BY = ("lidar", "size", "nothing")
+FAR_BY, BOXES = ("lidar", "size", "nothing"), ("pixels", "metres")
 
 SCAN_AGES_S, KEPT_SCANS = (0.2, 0.5), 10
 """A scan is asked about pictures so much later than its stamp, that of the beginning of its turn:
@@ -50,6 +51,14 @@ class DetectionSettings:
     labels: str = setting(
         "coco", "what it learnt: cfnav, coco, coco_ids, voc, objects365 or a file of names"
     )
+    least: float = setting(
+        LEAST, "score of what counts; policies learnt from detectors that say no less", 0.0, 1.0
+    )
+    boxes: Literal["pixels", "metres"] = setting(
+        "pixels",
+        "what its boxes are in: pixels, those of a Detection3DArray too, as depthai fills it; or "
+        "metres along the camera's axes, as vision_msgs means that",
+    )
     width: int = setting(0, "of the picture its boxes are in, pixels; 0: camera_info's", 0, 10000)
     height: int = setting(0, "the same of its height", 0, 10000)
     far_by: Literal["lidar", "size", "nothing"] = setting(
@@ -64,6 +73,8 @@ class DetectionSettings:
     def __post_init__(self) -> None:
         if self.far_by not in FAR_BY:
             raise ValueError(f"detections.far_by is {self.far_by!r}, expected {', '.join(FAR_BY)}.")
+        if self.boxes not in BOXES:
+            raise ValueError(f"detections.boxes is {self.boxes!r}, expected {', '.join(BOXES)}.")
         if (self.width > 0) != (self.height > 0):
             raise ValueError(
                 f"detections.width is {self.width} and height {self.height}, expected both or none."
@@ -192,8 +203,10 @@ class DetectionWatch:
     ) -> list[Sighting]:
         far, seen = self._ranging(stamp), []
         for claim in claims:
-            name, box = self._name(claim), _within(claim.box, camera)
-            one = sighted(Detection(name, claim.score, box), camera, tilt, claim.depth)
+            name, (box, depth) = self._name(claim), self._placed(claim, camera)
+            if claim.score < self._settings.least:
+                continue
+            one = sighted(Detection(name, claim.score, box), camera, tilt, depth)
             seen.append(one if one.distance else replace(one, distance=far(one)))
         return seen
 
@@ -202,6 +215,32 @@ class DetectionWatch:
             return self._labels.category(claim.class_id)
         except ValueError as error:
             raise ValueError(f"The labels do not fit the detector: {error}") from None
+
+    def _placed(self, claim: Claim, camera: Pinhole) -> tuple[Box, float]:
+        """Its box in the picture, pixels, and how far it is along the camera's axis; 0: unknown.
+
+        Raises:
+            ValueError: the box is of another picture, or has no place before this camera.
+        """
+        if self._settings.boxes == "pixels":
+            return _within(claim.box, camera), claim.depth
+        if camera.frame and claim.frame != camera.frame:
+            raise ValueError(
+                f"The detector's boxes are in {claim.frame or 'no frame'}, the camera's is "
+                f"{camera.frame}: let the detector say them there."
+            )
+        if claim.box_depth <= 0:
+            raise ValueError(
+                "A box has no place before the camera, but detections.boxes is metres: set it to "
+                "pixels, or name a Detection3DArray that has them."
+            )
+        left, top, right, bottom = (side / claim.box_depth for side in claim.box)
+        x, y = camera.cx + 0.5, camera.cy + 0.5  # a box's edges lie between pixels
+        box = (
+            x + camera.fx * left, y + camera.fy * top,
+            x + camera.fx * right, y + camera.fy * bottom,
+        )  # fmt: skip
+        return _within(box, camera), claim.box_depth
 
     def _ranging(self, stamp: float) -> Ranging:
         by, (least, most) = self._settings.far_by, SCAN_AGES_S

@@ -118,12 +118,16 @@ class Claim:
         score: 0..1.
         box: pixels of the picture that it was given.
         depth: of the thing along the camera's axis, metres; 0 where it says none.
+        box_depth: the same of the middle of a box that has one; then the box may be in metres.
+        frame: of the message.
     """
 
     class_id: str
     score: float
     box: Box
     depth: float = 0.0
+    box_depth: float = 0.0
+    frame: str = ""
 
 
 MOST_DETECTIONS = 500
@@ -134,10 +138,11 @@ FURTHEST_M = 50.0
 
 
 def detections_from_message(message: Any) -> list[Claim]:
-    """What a Detection2DArray or a Detection3DArray says, as depthai_ros_driver fills them.
+    """What a Detection2DArray or a Detection3DArray says.
 
-    Boxes of both are in pixels; of the second the positions of the results tell how far things
-    are, metres along the camera's axis. What has no name or no extent says nothing.
+    Boxes are in pixels, those of the second in metres along the camera's axes (right, down, ahead),
+    as vision_msgs means them, or in pixels, too, as depthai_ros_driver fills them; the positions of
+    its results tell how far things are. What has no name or no extent says nothing.
 
     Raises:
         ValueError: too many of them, or numbers that make no sense; one sentence.
@@ -149,27 +154,41 @@ def detections_from_message(message: Any) -> list[Claim]:
         )
     told = []
     for one in message.detections:
+        for result in one.results:
+            if not 0.0 <= (score := result.hypothesis.score) <= 1.0:  # nan is neither
+                raise ValueError(f"A detection's score is {score:g}, expected 0 to 1.")
         best = max(one.results, key=lambda result: result.hypothesis.score, default=None)
-        if best is None:
-            continue
-        size, at = getattr(one.bbox, "size", None), best.pose.pose.position
-        wide, high = (size.x, size.y) if size else (one.bbox.size_x, one.bbox.size_y)
-        middle, score = one.bbox.center.position, best.hypothesis.score
-        depth = at.z if size else 0.0
-        if not all(map(math.isfinite, (middle.x, middle.y, wide, high, depth))):
-            raise ValueError("A detection holds a number that is not finite.")
-        if min(wide, high) < 0 or not 0 <= depth <= FURTHEST_M:
-            raise ValueError(
-                f"A detection's box is {wide:g} by {high:g} pixels, {depth:g} m away: expected no "
-                f"negative numbers and at most {FURTHEST_M:g} m."
-            )
-        if not 0.0 <= score <= 1.0:
-            raise ValueError(f"A detection's score is {score:g}, expected 0 to 1.")
-        if min(wide, high) == 0:
-            continue
-        box = middle.x - wide / 2, middle.y - high / 2, middle.x + wide / 2, middle.y + high / 2
-        told.append(Claim(best.hypothesis.class_id, score, box, depth))
+        if best is not None and (claim := _claim(one.bbox, best, message.header.frame_id)):
+            told.append(claim)
     return told
+
+
+def _claim(bbox: Any, best: Any, frame: str) -> Claim | None:
+    """What one detection says; None of one without extent.
+
+    Raises:
+        ValueError: numbers that make no sense; one sentence.
+    """
+    size, middle = getattr(bbox, "size", None), bbox.center.position
+    if size:
+        wide, high, depth, box_depth = size.x, size.y, best.pose.pose.position.z, middle.z
+    else:
+        wide, high, depth, box_depth = bbox.size_x, bbox.size_y, 0.0, 0.0
+        if bbox.center.theta:
+            raise ValueError(
+                f"A detection's box is turned by {bbox.center.theta:g} rad, expected upright ones."
+            )
+    if not all(map(math.isfinite, (middle.x, middle.y, wide, high, depth, box_depth))):
+        raise ValueError("A detection holds a number that is not finite.")
+    if min(wide, high) < 0 or not 0 <= max(depth, box_depth) <= FURTHEST_M or depth < 0:
+        raise ValueError(
+            f"A detection's box is {wide:g} by {high:g}, {depth:g} m away: expected no "
+            f"negative numbers and at most {FURTHEST_M:g} m."
+        )
+    if min(wide, high) == 0:
+        return None
+    box = middle.x - wide / 2, middle.y - high / 2, middle.x + wide / 2, middle.y + high / 2
+    return Claim(best.hypothesis.class_id, best.hypothesis.score, box, depth, box_depth, frame)
 
 
 def charge_from_message(message: Any) -> float:

@@ -2,8 +2,8 @@
 
 Run it with ``cfnav node detector``; its parameters are those of ``DetectorParameters``. A class is
 told by its name and a box in pixels of the picture; a message bears the stamp and the frame of the
-picture that it is about. A picture without anything gets an empty message, one that cannot be read
-none.
+picture that it is about. A picture of which nothing is told gets an empty message; one that cannot
+be read, or is of nothing at all (a covered lens), gets none.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from cfnav_core.robot.robot import robot_setting
 from cfnav_core.robot.settings import setting
 from cfnav_core.robot.topics import DETECTIONS_2D, TOPICS
 from cfnav_ros.drive.diagnostics import Level, Rate, Report, Stopwatch
+from cfnav_ros.drive.picture_watch import emptiness
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.node_process import run_node
 from cfnav_ros.ros.parameters import declare, named_robot
@@ -82,7 +83,10 @@ class DetectorNode(Node):
     def _on_picture(self, message: Image | CompressedImage) -> None:
         self._rate.note(time.monotonic())
         try:
-            found = self._found(conversions.frame_from_message(message).decode())
+            rgb = conversions.frame_from_message(message).decode()
+            if nothing := emptiness(rgb):
+                raise ValueError(nothing)
+            found = self._found(rgb)
         except ValueError as error:
             self._fault = str(error)
             self.get_logger().warning(self._fault, throttle_duration_sec=2.0)

@@ -175,13 +175,22 @@ def test_a_flood_of_boxes_is_cut(tmp_path):
 
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf])
-def test_boxes_and_scores_that_are_no_numbers_are_left_out(tmp_path, broken):
-    rows = np.array(
-        [[[broken, 5, 30, 25, 0.8, CHAIR], [10, 5, 30, 25, broken, CHAIR],
-          [10, 5, 30, 25, 0.8, CHAIR], [30, 25, 10, 5, 0.8, CHAIR]]], np.float32
-    )  # fmt: skip
-    detector = OnnxDetector(constant_network(tmp_path / "made.onnx", {"out": rows}), "coco")
-    (chair,) = detector(PICTURE)
+def test_boxes_and_scores_that_are_no_numbers_are_no_answer(tmp_path, broken):
+    """A network that is broken must not look like a picture without things."""
+    good = [10, 5, 30, 25, 0.8, CHAIR]
+    rows = {
+        "a box": [broken, 5, 30, 25, 0.8, CHAIR], "a score": [10, 5, 30, 25, broken, CHAIR],
+        "a logit": [10, 5, 30, 25, 3.2, CHAIR],
+    }  # fmt: skip
+    for name, row in rows.items():
+        out = {"out": np.array([[row, good]], np.float32)}
+        detector = OnnxDetector(constant_network(tmp_path / f"{name}.onnx", out), "coco")
+        with pytest.raises(ValueError, match=f"found {name.replace('logit', 'score')}"):
+            detector(PICTURE)
+    unsure = [broken, 5, 30, 25, 0.1, CHAIR]  # padding of some heads
+    turned = [30, 25, 10, 5, 0.8, CHAIR]
+    out = {"out": np.array([[good, unsure, turned]], np.float32)}
+    (chair,) = OnnxDetector(constant_network(tmp_path / "good.onnx", out), "coco")(PICTURE)
     assert chair.box == pytest.approx(BOX)
 
 

@@ -36,16 +36,17 @@ def watch(camera: Pinhole | None = WIDE, robot: Robot = ROBOT, **said) -> Detect
 def told_of(*detections, size=None) -> list[Claim]:
     """By way of a message; each is class, score, centre, extent and, in 3D, a position."""
 
-    def one(name, score, x, y, wide, high, at=(0.0, 0.0, 0.0)):
+    def one(name, score, x, y, wide, high, at=(0.0, 0.0, 0.0), ahead=0.0):
         hypothesis = Of(class_id=name, score=score)
         position = Of(x=at[0], y=at[1], z=at[2])
         result = Of(hypothesis=hypothesis, pose=Of(pose=Of(position=position)))
-        centre = Of(position=Of(x=x, y=y))
+        centre = Of(position=Of(x=x, y=y, z=ahead), theta=0.0)
         if size == "3d":
             return Of(results=[result], bbox=Of(center=centre, size=Of(x=wide, y=high, z=0.01)))
         return Of(results=[result], bbox=Of(center=centre, size_x=wide, size_y=high))
 
-    return detections_from_message(Of(detections=[one(*row) for row in detections]))
+    header = Of(frame_id="oakd_optical")
+    return detections_from_message(Of(header=header, detections=[one(*row) for row in detections]))
 
 
 def test_a_class_by_number_or_name_becomes_a_goal_in_a_direction() -> None:
@@ -178,6 +179,50 @@ def test_numbers_that_make_no_sense_are_no_message(row: tuple, why: str) -> None
 def test_what_is_further_away_than_any_room_is_large_is_no_message() -> None:
     with pytest.raises(ValueError, match=r"1e\+06 m away"):
         told_of(("41", 0.5, 5.0, 5.0, 4.0, 4.0, (0.0, 0.0, 1e6)), size="3d")
+
+
+def test_every_score_of_a_detection_is_looked_at_and_a_turned_box_is_no_message() -> None:
+    position = Of(position=Of(x=0.0, y=0.0, z=0.0))
+    results = [Of(hypothesis=Of(class_id="41", score=score), pose=Of(pose=position))
+               for score in (0.5, math.nan)]  # fmt: skip
+    centre = Of(position=Of(x=5.0, y=5.0), theta=0.0)
+    bbox = Of(center=centre, size_x=4.0, size_y=4.0)
+    message = Of(header=Of(frame_id=""), detections=[Of(results=results, bbox=bbox)])
+    with pytest.raises(ValueError, match="score is nan"):
+        detections_from_message(message)
+    del results[1]
+    assert len(detections_from_message(message)) == 1
+    centre.theta = 0.3
+    with pytest.raises(ValueError, match=r"turned by 0\.3 rad, expected upright"):
+        detections_from_message(message)
+
+
+def test_what_scores_less_than_a_policy_knows_does_not_count() -> None:
+    rows = [("41", score, 224.0, 126.0, 48.0, 52.0) for score in (0.02, 0.29, 0.31)]
+    assert [one.confidence for one in watch().see(NS, told_of(*rows), 0.0).decode()] == [0.31]
+    assert len(watch(least=0.0).see(NS, told_of(*rows), 0.0).decode()) == 3
+    odd = Claim("9999", 0.1, MIDDLE.box)
+    assert (
+        "found the class '9999'" in watch().see(NS, [odd], 0.0).fault
+    )  # wrong labels all the same
+
+
+def test_boxes_in_metres_are_where_they_stand_in_the_cameras_frame() -> None:
+    camera = replace(WIDE, frame="oakd_optical")
+    chair = ("56", 0.8, 0.6, 0.3, 1.1, 1.2, (0.6, 0.3, 2.0), 2.0)
+    (one,) = watch(camera, boxes="metres").see(NS, told_of(chair, size="3d"), 0.0).decode()
+    assert one.azimuth == pytest.approx(math.atan2(0.6, 2.0), abs=0.02)
+    assert one.distance == pytest.approx(math.hypot(0.6, 2.0), abs=0.1)
+    left = ("56", 0.8, -0.6, 0.0, 0.4, 0.4, (0.0, 0.0, 0.0), 2.0)
+    (one,) = watch(camera, boxes="metres").see(NS, told_of(left, size="3d"), 0.0).decode()
+    assert one.azimuth == pytest.approx(-math.atan2(0.6, 2.0), abs=0.02)
+    other = replace(camera, frame="base_link")
+    found = watch(other, boxes="metres").see(NS, told_of(chair, size="3d"), 0.0)
+    assert "boxes are in oakd_optical, the camera's is base_link" in found.fault
+    flat = watch(camera, boxes="metres").see(NS, told_of(chair[:6]), 0.0)
+    assert "no place before the camera" in flat.fault
+    with pytest.raises(ValueError, match="boxes is 'feet', expected pixels, metres"):
+        DetectionSettings(boxes="feet")
 
 
 def test_a_flood_is_no_message_and_what_has_no_extent_is_left_out() -> None:

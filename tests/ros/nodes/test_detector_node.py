@@ -54,7 +54,7 @@ class Camera(OwnNode):
 def picture(stamp: int, height: int = 160, width: int = 320) -> Image:
     message = Image(height=height, width=width, encoding="rgb8", step=3 * width)
     message.header.stamp, message.header.frame_id = Time(sec=stamp), "lens"
-    message.data = bytes(3 * height * width)
+    message.data = np.arange(3 * height * width, dtype=np.uint32).astype(np.uint8).tobytes()
     return message
 
 
@@ -84,11 +84,21 @@ def test_detections_bear_the_pictures_stamp(
         lambda: camera.pictures.publish(broken),
     )
     assert camera.show(picture(9)).header.stamp.sec == 9
+
+    covered = picture(10)
+    covered.data = bytes(len(covered.data))
+    camera.found.clear()
+    camera.wait(
+        lambda: any("shows nothing" in s.message for told in camera.told for s in told.status),
+        "a sentence about the lens",
+        lambda: camera.pictures.publish(covered),
+    )
+    assert not [said for said in camera.found if said.header.stamp.sec == 10]
     camera.close()
     assert process.interrupt() == 0
 
 
-def test_pictures_may_be_compressed_and_show_nothing(
+def test_pictures_may_be_compressed_and_without_things(
     start_process: Callable, ros_domain_id: int, model: Path
 ) -> None:
     process = start_process(
@@ -96,7 +106,8 @@ def test_pictures_may_be_compressed_and_show_nothing(
         "-p", "robot:=turtlebot4", "-p", "least:=0.9",
     )  # fmt: skip
     camera = Camera(ros_domain_id, CompressedImage, "oakd/rgb/image_raw/compressed")
-    _, jpeg = cv2.imencode(".jpg", np.zeros((180, 320, 3), np.uint8))
+    ramp = np.tile(np.arange(320, dtype=np.uint8)[None, :, None], (180, 1, 3))
+    _, jpeg = cv2.imencode(".jpg", ramp)
     message = CompressedImage(format="jpeg", data=jpeg.tobytes())
     message.header.stamp = Time(sec=3)
     found = camera.show(message)
