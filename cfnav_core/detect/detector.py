@@ -105,18 +105,18 @@ class OnnxDetector:
                 are no numbers: a picture of which that is said is not one without things.
         """
         boxes, scores = self.found(rgb)
-        if not (scores <= 1 + ROUNDED).all():  # nan is not, either
+        if not np.all(scores <= 1 + ROUNDED):  # nan is not, either
             raise ValueError(
                 f"found a score of {scores.max():g} in what the detector says, expected at most 1: "
                 f"is {self.head} its head, and are its numbers whole?"
             )
-        if not np.isfinite(boxes[(scores >= least).any(1)]).all():
+        if not np.isfinite(boxes[scores.max(1, initial=0) >= least]).all():
             raise ValueError(
                 "found a box that the detector is sure of at no numbers, expected 0..1"
             )
         boxes = boxes.clip(0, 1)
-        whole = (boxes[:, 2:] > boxes[:, :2]).all(1)
-        at, classes = np.nonzero(whole[:, None] & (scores >= least))
+        whole = (boxes[:, 2:] > boxes[:, :2]).all(1, keepdims=True)
+        at, classes = np.nonzero(whole & (scores >= least))
         sure = scores[at, classes].clip(0, 1)
         best = np.argsort(-sure, kind="stable")[:MOST]
         at, classes, sure = at[best], classes[best], sure[best]

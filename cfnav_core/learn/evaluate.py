@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,14 @@ from cfnav_core.agent.agent import TrainedAgent
 from cfnav_core.learn.env import SceneBank, Walk
 from cfnav_core.models.table import MODELS
 from cfnav_core.policy.bundle import PERCEPTION, BundleHead, find_bundle
-from cfnav_core.policy.networks import Networks, Observation, OnnxNetworks, TorchNetworks, sampled
+from cfnav_core.policy.networks import (
+    AgentState,
+    Networks,
+    Observation,
+    OnnxNetworks,
+    TorchNetworks,
+    sampled,
+)
 from cfnav_core.policy.policy import eyes_of
 from cfnav_core.published.keys import Key, state_of
 from cfnav_core.published.start_states import StartState, identity, read_episodes
@@ -253,6 +260,33 @@ def _cf_sr_of(results: list[EpisodeResult], chosen: np.ndarray) -> dict[str, flo
     return {"cf_sr": round(float(np.mean(values)), 4), "episodes": len(values)}
 
 
+class _Wider:
+    """Networks that know further objects, of which the scenes have none, behind those of these.
+
+    Args:
+        networks: whose. further: how many.
+    """
+
+    def __init__(self, networks: Networks, further: int) -> None:
+        self._networks, self._further = networks, further
+        self.zero_state = networks.zero_state
+
+    def predict(self, observation: Observation, state: AgentState) -> np.ndarray:
+        """See ``Networks``."""
+        return self._networks.predict(observation, state)
+
+    def step(
+        self, observation: Observation, state: AgentState, collision_probability: np.ndarray
+    ) -> np.ndarray:
+        """See ``Networks``."""
+        more, seen = (0, self._further), observation.detections
+        wider = replace(
+            observation, detections=np.pad(seen, ((0, 0), more, (0, 0))),
+            goal=np.pad(observation.goal, ((0, 0), more)),
+        )  # fmt: skip
+        return self._networks.step(wider, state, collision_probability)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A policy to evaluate.
@@ -260,7 +294,7 @@ class Candidate:
     Attributes:
         networks: its own.
         perception: identity of what made the pictures' features that it reads.
-        objects: what it reads detections of.
+        objects: what it reads detections of, but for names that training had nothing of.
         goals: those that it was trained to find.
         what: see ``Evaluation``.
         reads_sightings: whoever made them.
@@ -283,20 +317,22 @@ class Candidate:
         """
         if path.is_file():
             trained = TrainedAgent.load(path)
-            networks = TorchNetworks(
+            learnt = TorchNetworks(
                 trained.agent.model, trained.agent.predictor, trained.feeds_prediction
             )
             what = {"checkpoint": str(path), **_origin(trained.head)}
             inputs, made_by = trained.inputs, trained.head["perception"]
             goals, sightings = tuple(trained.head["goals"]), inputs.fields == SIGHTINGS
-            return cls(networks, made_by, inputs.objects, goals, what, sightings)
+            return cls(learnt, made_by, inputs.objects, goals, what, sightings)
         folder = find_bundle(path)
         head = BundleHead.load(folder)
         sightings, what = head.reads_sightings, {"bundle": str(path), **_origin(head.training)}
         perception = "" if sightings else eyes_of(folder, head).identity
-        return cls(
-            OnnxNetworks(folder, head), perception, head.objects, head.goals, what, sightings
-        )
+        networks: Networks = OnnxNetworks(folder, head)
+        if head.further:
+            networks = _Wider(networks, len(head.further))
+        objects = head.objects[: len(head.objects) - len(head.further)]
+        return cls(networks, perception, objects, head.goals, what, sightings)
 
 
 def _origin(head: dict[str, Any]) -> dict[str, Any]:

@@ -85,7 +85,7 @@ def _export_bundle(
             | ({"commands": commands} if commands else {}),
             metrics or {},
             find_model(head["config"]["model"]).zero_shot, inputs.features, inputs.fields,
-            inputs.room_types, trained.camera or gives.camera,
+            inputs.room_types, trained.camera or gives.camera, tuple(head.get("further", ())),
         )  # fmt: skip
         check_fits(gives, bundle, str(perception or checkpoint))
         bundle.save(partial)

@@ -77,5 +77,7 @@ def with_further(checkpoint: Path, given: Sequence[str], out: Path) -> Path:
         kept = {k: v for k, v in tensors.items() if not k.startswith("knowledge.")}
         tensors = kept | {WORDS: added}
     objects = [*inputs.objects, *further]
-    save_tensors(out, tensors, {**head, "inputs": {**head["inputs"], "objects": objects}})
+    inputs_of = {**head["inputs"], "objects": objects}
+    further = [*head.get("further", ()), *further]
+    save_tensors(out, tensors, {**head, "inputs": inputs_of, "further": further})
     return out

@@ -111,8 +111,8 @@ def _other_goals(head: BundleHead) -> list[str]:
         return []
     return [
         "",
-        f"It also takes goals that it was not trained to find: {', '.join(others)}. Which of them "
-        "it was measured on stands below.",
+        f"It also takes goals that it was not trained to find: {', '.join(others)}. How "
+        "well it finds them was measured only where figures below say so.",
     ]
 
 

@@ -69,7 +69,7 @@ def find_bundle(bundle: str | Path | None = None) -> Path:
     return named if is_name and not Path(bundle).exists() else Path(bundle)
 
 
-TUPLES = ("objects", "goals", "features", "fields", "room_types")
+TUPLES = ("objects", "goals", "features", "fields", "room_types", "further")
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,9 @@ class BundleHead:
         fields: names of the columns of its detections, see ``task.detections``.
         room_types: that it knows, in the order of its input.
         camera: that it learnt from; None where its data do not say.
+        further: those of its objects that nothing in training was (``cfnav export --also``). What
+            sightings of them beside the goal's would do to it nobody knows, so one counts only
+            while it is the goal.
     """
 
     name: str
@@ -105,6 +108,7 @@ class BundleHead:
     fields: Fields = SCORES
     room_types: tuple[str, ...] = FIRST_ROOM_TYPES
     camera: CameraSetUp | None = MAST
+    further: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:

@@ -123,6 +123,7 @@ class Policy:
         self._perception, self._networks = perception, networks
         self._rng = None if sample_seed is None else np.random.default_rng(sample_seed)
         self._goal, self._room = -1, self._no_room()
+        self._counts = np.ones(len(head.objects), bool)
         self._score = confidence_column(head.fields)
         self._state = networks.zero_state(1)
         self._watching = networks.zero_state(1).predictor
@@ -181,6 +182,9 @@ class Policy:
         if room_type is not None:
             self._room[0, known.index(room_type)] = 1
         self._goal = self._objects.index(goal)
+        self._counts = np.array(
+            [name == goal or name not in self._head.further for name in self._objects]
+        )
         self._state = self._networks.zero_state(1)
         self._watching = self._networks.zero_state(1).predictor
 
@@ -304,6 +308,8 @@ class Policy:
         features, detections = (a.astype(np.float32) for a in (seen.features, seen.detections))
         if not detections.size:  # its networks read none
             detections = np.zeros((1, len(self._objects), width(self._head.fields)), np.float32)
+        elif self._head.further:
+            detections = np.where(self._counts[:, None], detections, 0)
         return Observation(features, detections, goal, self._room)
 
     def _goal_score(self, seen: Perceived) -> float:

@@ -22,8 +22,8 @@ PACKED = "/compressed"
 DETECTIONS_2D = "vision_msgs/msg/Detection2DArray"
 DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
 
-SPATIAL = "spatial_detections"
-"""How the name of a topic of detections with distances ends (depthai_ros_driver)."""
+SPATIAL = ("spatial_detections", "detections_3d")
+"""How the name of a topic of detections with distances ends (depthai_ros_driver, others)."""
 
 POINTS = "points"
 """How the name of a topic of a depth camera's points ends (depth_image_proc, realsense2_camera)."""

@@ -11,7 +11,7 @@ from cfnav_core.perception.perception import FEATURES
 from cfnav_core.scenes.scene import HEADINGS, HORIZONS, OfflineScene
 from cfnav_core.task.actions import NUM_ACTIONS, Action
 from cfnav_core.task.camera import MAST
-from cfnav_core.task.detections import SCORES
+from cfnav_core.task.detections import SCORES, SIGHTINGS
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
 
 STEPS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -109,3 +109,10 @@ def two_halls(folder: Path) -> Path:
     for seed in range(2):
         hall(4, 3, seed=0, name=f"kitchen:{seed}").save(folder / f"kitchen_{seed:05d}")
     return folder
+
+
+def sighted(seen: OfflineScene, made_by: str = "boxes") -> OfflineScene:
+    """The same scene through a detector that sees what is visible."""
+    sightings = np.zeros((seen.num_states, len(CATEGORIES), len(SIGHTINGS)), np.float16)
+    sightings[seen.visible] = [0.9, 0.1, 0, 0.1, 0.1, 1.0]
+    return replace(seen, fields=SIGHTINGS, detections=sightings, perception=made_by)

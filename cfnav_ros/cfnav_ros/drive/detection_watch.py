@@ -49,7 +49,7 @@ class DetectionSettings:
     """How the policy takes what a detector says."""
 
     labels: str = setting(
-        "coco", "what it learnt: cfnav, coco, coco_ids, voc, objects365 or a file of names"
+        "coco", "what it learnt: cfnav, coco, coco_ids, voc, objects365, open_images or a file"
     )
     least: float = setting(
         LEAST, "score of what counts; policies learnt from detectors that say no less", 0.0, 1.0

@@ -77,7 +77,7 @@ class DemoConfig:
     """What detects where the bundle reads what a detector says: errors of one on board, shipped or
     a file of them (python -m studies.eyes.errors), or an ONNX file that is run on the pictures."""
     labels: str = "coco"
-    """What such an ONNX file learnt: coco, coco_ids, voc, objects365 or a file."""
+    """What such an ONNX file learnt: coco, coco_ids, voc, objects365, open_images or a file."""
     domain: int | None = None
     """ROS domain; one that is free when not given."""
     report: bool = True

@@ -38,8 +38,11 @@ class DetectorParameters:
 
     robot: str = robot_setting()
     model: str = setting("", "the ONNX file of a detector")
-    labels: str = setting("", "what it learnt: coco, coco_ids, voc, objects365 or a file; "
-                          "empty: as its file says")  # fmt: skip
+    labels: str = setting(
+        "",
+        "what it learnt: coco, coco_ids, voc, objects365, open_images or a file; empty: as its "
+        "file says",
+    )
     head: str = setting("", "how its outputs are read (cfnav_core.detect.heads); empty: by itself")
     side: int = setting(0, "of its input where its file leaves that open, pixels", 0, 4096)
     least: float = setting(LEAST, "score of what is told", 0.0, 1.0)

@@ -27,6 +27,10 @@ def test_shipped_maps_number_as_their_data_sets_do():
     assert load_labels("voc").category("20") == "Television"
     assert load_labels("objects365").name("277") == "Toaster"
     assert load_labels("objects365").count == 365
+    images = load_labels("open_images")
+    assert (images.name("0"), images.name("600"), images.count) == ("Accordion", "Zucchini", 601)
+    assert sorted(images.names.values(), key=str.lower) == [*images.names.values()]
+    assert images.category("419") == "Fridge"
 
 
 def test_a_class_is_a_number_or_a_name_and_becomes_a_goal():

@@ -9,6 +9,7 @@ import pytest
 
 from cfnav_core import words
 from cfnav_core.detect.sightings import Sighting
+from cfnav_core.learn.evaluate import evaluate
 from cfnav_core.learn.export import export_bundle
 from cfnav_core.learn.further import names_of
 from cfnav_core.models.base import Knowledge
@@ -18,6 +19,7 @@ from cfnav_core.policy.policy import Policy
 from cfnav_core.task.vocabulary import CATEGORIES
 from cfnav_core.words import WordError
 from tests.core.model_samples import save_fresh
+from tests.core.worlds import hall, sighted
 
 WORDS = Knowledge(words=words.vectors(CATEGORIES))
 CUP = Sighting("Mug", 0.9, 0.1, -0.2, 0.1, 0.1, 1.2)
@@ -63,6 +65,32 @@ def test_it_answers_as_before_where_it_sees_none_of_them(
         policy.reset("Sink")
         said.append([policy.act([CUP, *seen_as("Sink")], p).probabilities for p in (0.1, 0.9)])
     np.testing.assert_allclose(said[0], said[1], atol=1e-6)
+
+
+def test_what_it_never_trained_with_says_nothing_while_another_thing_is_the_goal(
+    wider: Path,
+) -> None:
+    answers = []
+    for beside in ([], seen_as("suitcase"), seen_as("dog") + seen_as("bed")):
+        policy = Policy.load(wider)
+        policy.reset("Sink")
+        answers.append(policy.act([CUP, *beside], 0.1).probabilities)
+    np.testing.assert_array_equal(answers[0], answers[1])
+    np.testing.assert_array_equal(answers[0], answers[2])
+
+
+def test_it_is_judged_in_the_scenes_that_it_was_trained_in(
+    checkpoint: Path, wider: Path, tmp_path: Path
+) -> None:
+    export_bundle(checkpoint, None, tmp_path / "boxes", "boxes")
+    sighted(hall()).save(tmp_path / "scenes" / "kitchen_00000")
+    found = [
+        evaluate(folder, tmp_path / "scenes", 20, 0, p_hat="true", rooms=["kitchen:0"])
+        for folder in (tmp_path / "boxes", wider)
+    ]
+    assert found[0].results == found[1].results
+    steps = zip(*(one.trace for one in found), strict=True)
+    assert all((a.actions == b.actions).all() for a, b in steps)
 
 
 def test_the_card_and_a_refusal_stay_readable(wider: Path) -> None:

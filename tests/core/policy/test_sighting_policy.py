@@ -14,11 +14,9 @@ from cfnav_core.learn.export import export_bundle
 from cfnav_core.perception.perception import NETWORKS, PerceptionError
 from cfnav_core.policy.bundle import PERCEPTION, BundleHead
 from cfnav_core.policy.policy import Policy
-from cfnav_core.scenes.scene import OfflineScene, SceneError
-from cfnav_core.task.detections import SIGHTINGS
-from cfnav_core.task.vocabulary import CATEGORIES
+from cfnav_core.scenes.scene import SceneError
 from tests.core.model_samples import save_fresh
-from tests.core.worlds import hall
+from tests.core.worlds import hall, sighted
 
 MUG = Sighting("Mug", 0.9, 0.1, -0.2, 0.1, 0.1, 1.2)
 
@@ -75,13 +73,6 @@ def test_a_perception_is_neither_wanted_nor_spared(checkpoint: Path, tmp_path: P
     other = save_fresh(tmp_path / "best.safetensors", "tdanet", NETWORKS["mast"], ("Mug",))
     with pytest.raises(ValueError, match=r"found no perception for .*give the perception"):
         export_bundle(other, None, tmp_path / "b", "b")
-
-
-def sighted(seen: OfflineScene, made_by: str = "boxes") -> OfflineScene:
-    """The same scene through a detector that sees what is visible."""
-    sightings = np.zeros((seen.num_states, len(CATEGORIES), len(SIGHTINGS)), np.float16)
-    sightings[seen.visible] = [0.9, 0.1, 0, 0.1, 0.1, 1.0]
-    return replace(seen, fields=SIGHTINGS, detections=sightings, perception=made_by)
 
 
 def test_goals_that_it_never_trained_on_are_told_apart(bundle: Path, tmp_path: Path) -> None:
