@@ -69,6 +69,7 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     run(options)
     said = capsys.readouterr().out
     assert "1 were there already" in said
+    assert "perception.onnx learnt from another camera than stock_preview" in said
     # goals that this camera hardly sees are left out, and it says so
     often = {name for name, n in zip(scene.objects, scene.visible.sum(0), strict=True) if n >= 4}
     assert set(scene.goals) == often
@@ -88,6 +89,14 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     again = OfflineScene.load(tmp_path / "bathroom_00000")
     assert again.perception != scene.perception
     assert (np.asarray(again.features) != features).any()
+
+
+def test_pictures_of_a_camera_are_not_shown_to_a_network_for_another_unasked(tmp_path, capsys):
+    for camera in ("stock_preview", "lite"):
+        with pytest.raises(ValueError, match=f"found no --perception for the camera {camera}"):
+            run(RoomOptions(["bathroom:0"], tmp_path, camera=camera, processes=1))
+    run(RoomOptions(["bathroom:0"], tmp_path, camera="lite", views=1, processes=1))
+    assert "another camera" not in capsys.readouterr().out
 
 
 def test_another_perception_leaves_what_is_visible(tmp_path, perception):

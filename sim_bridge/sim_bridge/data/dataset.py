@@ -22,10 +22,9 @@ from tqdm import tqdm
 
 from cfnav_core.command import need, run_options
 from cfnav_core.files.whole import whole, writing
-from cfnav_core.perception.perception import OnnxPerception, Percept, built_in
+from cfnav_core.perception.perception import NETWORKS, OnnxPerception, Percept, built_in
 from cfnav_core.perception.picture_set import FIELDS, PictureSet
 from cfnav_core.perception.sight import CELL, Sight
-from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.rooms import (
@@ -62,7 +61,7 @@ class RoomOptions:
     out: Path = Path("out/scenes")
     """Folder that gets one sub-folder for each room."""
     perception: Path | None = None
-    """perception.onnx; the shipped bundle's when absent."""
+    """perception.onnx; when absent that which comes with cfnav for the camera."""
     keep_pictures: bool = False
     """Keep every picture (68 kB a state), to make features again when perception changes."""
     camera: str = "mast"
@@ -308,6 +307,21 @@ def _finished(kind: str, seed: int, options: RoomOptions, look: Look) -> bool:
     )  # fmt: skip
 
 
+def _network(options: RoomOptions) -> Path:
+    """What looks at the pictures; views are for training it, and looked at by nobody.
+
+    Raises:
+        ValueError: none is given, and none that comes with cfnav learnt from the camera.
+    """
+    found = options.perception or NETWORKS.get(options.camera)
+    if found is None and not options.views:
+        raise ValueError(
+            f"found no --perception for the camera {options.camera}, and networks come with cfnav "
+            f"for {' and '.join(NETWORKS)} alone; train one (cfnav perception) or give one"
+        )
+    return found or NETWORKS["mast"]
+
+
 def run(options: RoomOptions) -> None:
     """Render every room that is not there yet.
 
@@ -330,12 +344,17 @@ def run(options: RoomOptions) -> None:
     need("mujoco")
     from sim_bridge.world import gl  # noqa: F401  (fails here, once, when nothing can draw)
 
-    perception = options.perception or shipped_perception()
     look = Look(
-        CameraSetUp.read(options.camera), perception, options.visual_shift, options.keep_pictures
-    )
-    percept = built_in(look.camera) if options.views else OnnxPerception(perception).gives
+        CameraSetUp.read(options.camera), _network(options), options.visual_shift,
+        options.keep_pictures,
+    )  # fmt: skip
+    percept = built_in(look.camera) if options.views else OnnxPerception(look.perception).gives
     percept.check_size(*look.camera.size[::-1])
+    if percept.camera not in (None, look.camera):
+        print(
+            f"{look.perception} learnt from another camera than {options.camera}: how well it knows "
+            "these pictures nobody measured"
+        )
     todo = [r for r in rooms if not _finished(*r, options, look)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         jobs = {

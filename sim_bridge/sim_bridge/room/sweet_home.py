@@ -23,7 +23,7 @@ from sim_bridge.room.textures import TEXTURES
 from sim_bridge.sweet_home.table import Piece, pieces, shipped_pieces
 from sim_bridge.sweet_home.variation import varied
 
-SWEET_HOME_VERSION, CC0_VERSION, VARIED_VERSION = 1, 1, 1
+SWEET_HOME_VERSION, CC0_VERSION, VARIED_VERSION = 2, 2, 1
 """Each rises when a seed's room comes out otherwise: with the recipes, the table of models or how
 they are read, that of CC0 with the models that come with cfnav, and the last one with how they are
 varied."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from sim_bridge.sweet_home.bands import Box, boxes
 from sim_bridge.sweet_home.catalogue import Entry, SweetHomeError, package_of
-from sim_bridge.sweet_home.obj import Material, Obj, read_materials, read_obj
+from sim_bridge.sweet_home.obj import BUILT_IN, Material, Obj, read_materials, read_obj
 
 LARGEST = 70_000
 """Triangles of the largest model that is read. Some 20 trees, cars and the like have 80,000 to
@@ -139,7 +139,7 @@ class _Files:
 
     def materials(self, libraries: tuple[str, ...]) -> dict[str, Material]:
         """All materials of a model; a line may name one file with spaces, or several without."""
-        found: dict[str, Material] = {}
+        found = dict(BUILT_IN)
         for line in libraries:
             whole = self.text(line)
             texts = [whole] if whole is not None else [self.text(name) for name in line.split()]

@@ -33,6 +33,11 @@ class Material:
     shininess: float = 0.0
 
 
+BUILT_IN = {"glasstransparent": Material((0.469,) * 3, 0.25, None, 0.608, 1.0)}
+"""Materials that files use without saying how they look, as the loaders that they were made for
+know them. Source: the default materials of Java 3D's ``ObjectFile``."""
+
+
 @dataclass(frozen=True)
 class Obj:
     """The contents of an OBJ file.

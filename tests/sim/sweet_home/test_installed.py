@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +25,15 @@ from sim_bridge.sweet_home.catalogue import (
     furniture_folder,
     shipped,
 )
-from sim_bridge.sweet_home.model import build
+from sim_bridge.sweet_home.model import _Files, build
+from sim_bridge.sweet_home.obj import read_obj
 from sim_bridge.sweet_home.pack import STEPS
-from sim_bridge.sweet_home.table import pieces, shipped_pieces
+from sim_bridge.sweet_home.table import Piece, pieces, shipped_pieces
 from sim_bridge.world.grid import state_grid
 from sim_bridge.world.world import World
 
 from cfnav_core.task.rooms import SWEET_HOME
-from cfnav_core.task.vocabulary import ROOM_TYPES
+from cfnav_core.task.vocabulary import CATEGORY_ID, ROOM_TYPES
 from tests.sim.test_versions import furnished
 
 ROOMS = [
@@ -94,6 +99,56 @@ def test_every_piece_of_the_table_can_be_read():
             assert piece.load().meshes
 
 
+def shapes_of(piece: Piece) -> Iterator[tuple[bytes, np.ndarray]]:
+    """Triangles and vertices of its goals, or of all of one that is a goal, at one size."""
+    for mesh in piece.load().meshes:
+        if (piece.role in CATEGORY_ID or mesh.name in piece.goals) and len(mesh.faces) >= 100:
+            middle = mesh.vertices - mesh.vertices.mean(0)
+            yield mesh.faces.tobytes(), middle / middle.std(0).clip(1e-9)
+
+
+def alike(pieces: Iterable[Piece]) -> set[tuple[str, str]]:
+    """Ids of one piece that is held out and one that is not, which have a goal of one shape."""
+    shapes: dict[bytes, list[tuple[Piece, np.ndarray]]] = defaultdict(list)
+    for piece in pieces:
+        for faces, vertices in shapes_of(piece):
+            shapes[faces].append((piece, vertices))
+    return {
+        (p.entry.id, q.entry.id)
+        for its in shapes.values()
+        for (p, v), (q, w) in product(its, its)
+        if p.held_out and not q.held_out and np.allclose(v, w, atol=0.01)
+    }
+
+
+def test_no_goal_that_is_held_out_has_the_shape_of_one_that_is_not():
+    every = [piece for role in pieces().values() for piece in role]
+    assert alike(every) == set()
+    bed = next(piece for piece in every if piece.entry.id == "Blend Swap CC-0#bed1")
+    other = "Blend Swap CC-0#bed2", "Blend Swap CC-BY#juniorBed"  # with the same pillow
+    found = alike([replace(bed, held_out=True), *(p for p in every if p.entry.id in other)])
+    assert found == {(bed.entry.id, name) for name in other}
+
+
+UNDESCRIBED = {
+    "Blend Swap CC-0#desk", "Blend Swap CC-0#radiator1", "Blend Swap CC-BY#piano",
+    "Kator Legaz#spray-bottle", "Scopia#complements2", "Scopia#islandBath", "Scopia#kids_shelves",
+    "Scopia#saloon_lamp",
+}  # fmt: skip
+"""Models with a part that no file says the looks of: it is grey, as in Sweet Home 3D."""
+
+
+def test_what_materials_look_like_is_known_but_for_these():
+    found = set()
+    for piece in (piece for role in pieces().values() for piece in role):
+        with zipfile.ZipFile(piece.entry.archive) as archive:
+            files = _Files(archive, piece.entry.model)
+            obj = read_obj(files.model, ())
+            if {material for material, _ in obj.groups} - files.materials(obj.libraries).keys():
+                found.add(piece.entry.id)
+    assert found == UNDESCRIBED
+
+
 def area(triangles: np.ndarray) -> float:
     a, b, c = np.moveaxis(triangles, 1, 0)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
@@ -125,9 +180,9 @@ def test_what_comes_with_cfnav_is_made_of_the_package_again(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "words", "numbers"),
     [
-        ("kitchen", "b99840eae5a4", 22327.4587),
+        ("kitchen", "6a56d4094ed2", 22420.0566),
         ("living_room", "64748b1fdb0a", 10360.7169),
-        ("bedroom", "a9e32b6ee637", 10587.6366),
+        ("bedroom", "f3a873492468", 12589.4391),
         ("bathroom", "fdd5ccaad9a4", 10754.3916),
     ],
 )
@@ -135,5 +190,5 @@ def test_the_version_holds(kind, words, numbers):
     """When this fails, either the change is a mistake or the version must rise with it."""
     room = generate_room(f"{SWEET_HOME}.{kind}", 100)
     made = furnished(room)
-    assert (SWEET_HOME_VERSION, made.hash) == (1, words)
+    assert (SWEET_HOME_VERSION, made.hash) == (2, words)
     assert made.sums[0] == pytest.approx(numbers, rel=1e-6)

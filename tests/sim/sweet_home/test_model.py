@@ -232,8 +232,17 @@ def test_without_a_place_for_the_cache_models_are_read_each_time(furnish, builds
 def test_the_version_holds(furnish):
     """When this fails, either the change is a mistake or the version must rise with it."""
     made = Fingerprint(built(furnish, {"width": "140", "depth": "70", "height": "75"}))
-    assert (cache.MODELS_VERSION, made.hash) == (2, "52a72bfc8725")
+    assert (cache.MODELS_VERSION, made.hash) == (3, "52a72bfc8725")
     assert made.sums == pytest.approx((25.250819, 280.47847), rel=1e-6)
+
+
+def test_glass_that_no_file_describes_is_glass_all_the_same(furnish):
+    board = built(furnish, board_obj=BOARD.replace("usemtl rest", "usemtl glasstransparent"))
+    assert [mesh.colour[3] for mesh in board.meshes] == [1, 0.25]
+    mtl = BOARD_MTL.replace("newmtl rest", "newmtl glasstransparent")
+    obj = BOARD.replace("usemtl rest", "usemtl glasstransparent")
+    board = built(furnish, board_obj=obj, board_mtl=mtl)
+    assert board.meshes[1].colour == (0, 1, 0, 1)  # a file that describes it knows better
 
 
 def test_named_objects_and_materials_are_meshes_of_their_own(furnish):
