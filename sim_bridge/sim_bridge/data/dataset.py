@@ -352,8 +352,8 @@ def run(options: RoomOptions) -> None:
     percept.check_size(*look.camera.size[::-1])
     if percept.camera not in (None, look.camera):
         print(
-            f"{look.perception} learnt from another camera than {options.camera}: how well it knows "
-            "these pictures nobody measured"
+            f"{look.perception} learnt from another camera than {options.camera}: how well it "
+            "knows these pictures nobody measured"
         )
     todo = [r for r in rooms if not _finished(*r, options, look)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
