@@ -76,7 +76,10 @@ def _seen(head: BundleHead) -> str:
     made = head.training["perception"]
     if head.reads_sightings:
         return f"Sightings: {made}."
-    return f"Perception `{made}` saw none of these nor any test room."
+    return (
+        f"The file of perception `{made}` does not say which rooms it learnt from; for those that "
+        "come with cfnav their cards do (`cfnav_core/perception`)."
+    )
 
 
 def _world(head: BundleHead) -> str:
