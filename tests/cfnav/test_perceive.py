@@ -18,6 +18,8 @@ from cfnav import cli
 from cfnav_core.perception.perception import NETWORKS, OnnxPerception
 from cfnav_core.task.camera import CAMERAS
 from cfnav_core.task.vocabulary import CATEGORIES
+from studies.eyes.detectors import best_pairs, overlap
+from studies.eyes.rooms import things_of_rooms
 from tests.core.perception.made import colour_maps
 
 
@@ -88,6 +90,28 @@ def test_a_shipped_network_finds_what_its_camera_shows(name, perceive, tmp_path)
     code, said, _ = perceive(path, of=("--camera", name))
     assert code == 0
     assert {line.split()[1] for line in said.splitlines()} & shown
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_a_shipped_network_knows_where_things_are_in_rooms_that_it_never_saw(name):
+    """Measured: 0.70 and 0.63 of the things found, and 0.75 of what is said is in the picture."""
+    network, found, things, right, said = OnnxPerception(NETWORKS[name]), 0, 0, 0, 0
+    for view in things_of_rooms(["kitchen:1139", "living_room:1139"], 15, CAMERAS[name]):
+        boxes, pixels = network.boxes(view.rgb), view.rgb.shape[0] * view.rgb.shape[1]
+        large = [
+            t for t in view.things if np.prod(np.subtract(t.box[2:], t.box[:2])) > pixels / 250
+        ]
+        shared = np.zeros((len(large), len(boxes)))
+        for k, thing in enumerate(large):
+            of = np.array([one.box for one in boxes], float).reshape(-1, 4)
+            same = np.array([one.name == thing.name for one in boxes], bool)
+            shared[k] = overlap(np.array(thing.box, float), of) * same
+        found, things = found + len(best_pairs(shared, 0.3)), things + len(large)
+        right += sum(one.name in {thing.name for thing in view.things} for one in boxes)
+        said += len(boxes)
+    assert things > 30
+    assert found > 0.5 * things
+    assert right > 0.6 * said
 
 
 def test_the_older_network_of_other_bundles_says_that_it_gives_no_boxes(perceive, tmp_path):
