@@ -41,7 +41,10 @@ def agreement(
     shown: np.ndarray, near: np.ndarray, is_shown: np.ndarray, is_near: np.ndarray,
     among: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, object]:  # fmt: skip
-    """Mean AUC of "shown" and "near" over categories, and F1 of "near" above a half.
+    """Mean AUC of "shown" and "near" over categories, and what it is worth to take a half for yes.
+
+    That is F1 of "near", and of "shown" the false alarms a picture: categories that it does not
+    show.
 
     Args:
         shown, near: scores of pictures, float [N, C].
@@ -51,16 +54,21 @@ def agreement(
     """
     of_shown, of_near = among or (counted(is_shown), counted(is_near))
 
-    def mean_auc(score: np.ndarray, truth: np.ndarray, which: np.ndarray) -> float:
-        return float(np.nanmean([area_under_roc(score[:, c], truth[:, c]) for c in which]))
+    def aucs(score: np.ndarray, truth: np.ndarray, which: np.ndarray) -> list[float]:
+        return [area_under_roc(score[:, c], truth[:, c]) for c in which]
 
     def f1(c: int | slice) -> float:
         hit = near[:, c] > 0.5
         return float(2 * (hit & is_near[:, c]).sum() / max(1, hit.sum() + is_near[:, c].sum()))
 
+    each = aucs(shown, is_shown, of_shown)
     return {
-        "shown_auc_mean": mean_auc(shown, is_shown, of_shown),
-        "near_auc_mean": mean_auc(near, is_near, of_near),
+        "shown_auc_mean": float(np.nanmean(each)),
+        "near_auc_mean": float(np.nanmean(aucs(near, is_near, of_near))),
         "near_f1": f1(slice(None)),
+        "false_alarms": float(((shown > 0.5) & ~is_shown).sum(1).mean()),
+        "shown_auc_by_category": {
+            CATEGORIES[c]: round(auc, 3) for c, auc in zip(of_shown, each, strict=True)
+        },
         "near_f1_by_category": {CATEGORIES[c]: round(f1(c), 3) for c in of_near},
     }  # fmt: skip

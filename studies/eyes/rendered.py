@@ -7,6 +7,7 @@ Rooms of test seeds have models, of some categories, that no other room has.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from studies.eyes.judge import intervals
 BATCH = 64
 SAMPLES = 300
 """Draws of rooms for an interval."""
-FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1")
+FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1", "false_alarms")
 
 
 def _figure(name: str) -> Cell:
@@ -118,6 +119,20 @@ def judged(rooms: list[Scores], seed: int = 0) -> dict[str, object]:
     return {**counts, **over(np.arange(len(rooms))), "interval": ends}
 
 
+def by_category(found: Sequence[dict[str, Any]]) -> str:
+    """AUC of "shown" of every category that counts somewhere, a column for each line of figures."""
+
+    def auc(of: dict[str, float]) -> Cell:
+        return lambda name: f"{of[name]:.2f}" if name in of else ""
+
+    columns = {"AUC of shown": str} | {
+        f"{said['perception']}, {said['furniture']}": auc(said["shown_auc_by_category"])
+        for said in found
+    }
+    names = {name for said in found for name in said["shown_auc_by_category"]}
+    return table(columns, sorted(names))
+
+
 def main(options: RenderedOptions) -> None:
     """Judge, print a table and write the figures.
 
@@ -140,6 +155,7 @@ def main(options: RenderedOptions) -> None:
             said = judged([scores(network, folder) for folder in sets])
             found.append({"perception": network.identity, "furniture": furniture, **said})
     print(table(COLUMNS, found))
+    print(by_category(found))
     write_json(options.out, {"command": command_line(), "commit": commit(), "networks": found})
 
 

@@ -12,7 +12,7 @@ from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.sight import Sight
 from cfnav_core.task.intervals import FEW
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.rendered import RenderedOptions, judged, main
+from studies.eyes.rendered import RenderedOptions, by_category, judged, main
 from tests.core.perception.made import SMALL, picture_set
 
 MUG = CATEGORIES.index("Mug")
@@ -36,7 +36,10 @@ def test_figures_are_those_of_all_pictures_and_vary_over_rooms():
     assert both["near_f1"] == pytest.approx(0.5)
     low, high = both["interval"]["near_f1"]
     assert 0.2 < low < 0.5 < high < 0.8
-    assert both["near_f1_by_category"] == {"Mug": 0.5}
+    assert both["near_f1_by_category"] == both["shown_auc_by_category"] == {"Mug": 0.5}
+    assert (said["false_alarms"], both["false_alarms"]) == (0, 0.25)
+    lines = by_category([{"perception": "a", "furniture": "b", **both}]).splitlines()
+    assert (lines[0], lines[-1]) == ("| AUC of shown | a, b |", "| Mug | 0.50 |")
 
 
 def test_some_pictures_are_judged_by_the_categories_that_count_in_all():
