@@ -320,7 +320,12 @@ def bump(*zones):
 def test_one_who_has_left_cannot_free_the_bumper_but_press_it(node, other):
     senses = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
     base = other.create_publisher(HazardDetectionVector, "hazard_detection", 10)
-    wait_until(base.get_subscription_count, "the node to listen")
+
+    def heard():
+        base.publish(bump())
+        return "hazards" in senses.heard
+
+    spin_until(node, heard, "the base's word")  # that it is listened to does not say by both sides
     base.publish(bump("front"))
     spin_until(node, lambda: senses.inputs.bumper.pressed, "the bump")
     senses.restart()
