@@ -45,11 +45,8 @@ render() { # render ROOMS...
   cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
     --out "$out/scenes"
 }
-detect() { # detect FOLDER ROOMS... [-- MORE]: what a detector and the LiDAR say in these rooms
-  local folder=$1 rooms=()
-  shift
-  while [ $# -gt 0 ] && [ "$1" != -- ]; do rooms+=("$1") && shift; done
-  cfnav rooms boxes "$root/turtlebot4/scenes" $(each --rooms "${rooms[@]}") --out "$folder" "${@:2}"
+detect() { # detect FOLDER DISTANCE ROOMS...: what a detector says in these rooms
+  cfnav rooms boxes "$root/turtlebot4/scenes" --out "$1" --distance "$2" $(each --rooms "${@:3}")
 }
 listen() { # listen FOLDER ROOMS...: the LiDAR's p_hat
   cfnav rooms scan "$1" $(each --rooms "${@:2}") && cfnav data lidar "$1"
@@ -104,8 +101,8 @@ remake() { # remake NAME CAMERA
 remake_boxes() {
   rooms_of turtlebot4 stock_wide
   out=$root/boxes
-  once rooms detect "$out/scenes" $training $validation
-  once tests detect "$out/sealed" $tests -- --distance lidar
+  once rooms detect "$out/scenes" mixed $training $validation
+  once tests detect "$out/sealed" lidar $tests
   once scans listen "$out/sealed" $tests
   once knowledge cfnav data knowledge "$out/scenes" $(each --rooms $training) \
     --out "$out/knowledge.safetensors"

@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from cfnav_core.learn.candidate import Candidate
 from cfnav_core.learn.env import SceneBank
-from cfnav_core.learn.evaluate import Candidate, Episodes, Trace, run_episodes
+from cfnav_core.learn.evaluate import Episodes, Trace, run_episodes
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.task.actions import Action
 from studies.engine.pictures import save_picture

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import tyro
-from sim_bridge.room.room import Room, generate_room
+from sim_bridge.room.room import Room, room_of
 from sim_bridge.sweet_home.table import pieces, shipped_pieces
 
 from cfnav_core.command import command_line, run_options
@@ -83,8 +83,12 @@ def kinds_of(room: Room) -> dict[str, str]:
 
 
 def rows(found: Evaluation) -> list[dict[str, Any]]:
-    """Figures of the episodes of each kind, and the shares of their goals."""
-    kinds = {name: kinds_of(generate_room(*_parts(name))) for name in found.bank.names}
+    """Figures of the episodes of each kind, and their goals.
+
+    Raises:
+        ValueError: the scenes are of rooms that are made otherwise today.
+    """
+    kinds = {one.name: kinds_of(room_of(one.name, one.source)) for one in found.bank.scenes}
     goals = [found.bank.objects[goal] for goal in found.episodes.goals]
     of = np.array([kinds[room][goal] for room, goal in zip(found.rooms, goals, strict=True)])
     out = []
@@ -96,11 +100,6 @@ def rows(found: Evaluation) -> list[dict[str, Any]]:
             most = [str(names[i]) for i in np.argsort(-counts, kind="stable")]
             out.append({"kind": kind, **figures(results, found.rooms[chosen]), "goals": most})
     return out
-
-
-def _parts(name: str) -> tuple[str, int]:
-    kind, seed = name.rsplit(":", 1)
-    return kind, int(seed)
 
 
 def main(options: ByModelOptions) -> None:

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from sim_bridge.data.dataset import Look, render_scene
 
+from cfnav_core.learn.candidate import Candidate
 from cfnav_core.learn.env import SceneBank
-from cfnav_core.learn.evaluate import Candidate, Episodes, run_episodes
+from cfnav_core.learn.evaluate import Episodes, run_episodes
 from cfnav_core.learn.export import export_bundle
 from cfnav_core.models.table import MODELS
 from cfnav_core.policy.bundle import WEIGHTS, shipped_bundle, shipped_perception

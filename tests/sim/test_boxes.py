@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from sim_bridge.data import boxes
-from sim_bridge.room.room import generate_room
+from sim_bridge.room.room import generate_room, room_source
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.grid import state_grid
 from sim_bridge.world.things import Things, surface
@@ -37,7 +37,8 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     grid = state_grid(World(generate_room(*ROOM), False), WIDE.horizons)
     states, objects = len(grid.next_state), len(CATEGORIES)
     scene = replace(
-        hall(), name="bathroom:3", room_type="bathroom", objects=CATEGORIES, goals=(),
+        hall(), name="bathroom:3", source=room_source("bathroom"), room_type="bathroom",
+        objects=CATEGORIES, goals=(),
         features=np.zeros((states, 4), np.float16), camera=WIDE,
         detections=np.zeros((states, objects, 5), np.float16),
         next_state=grid.next_state, collided=grid.collided,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cfnav_ros.lidar import states as lidar_states
 from sim_bridge.data import scans
-from sim_bridge.room.room import generate_room
+from sim_bridge.room.room import generate_room, room_source
 from sim_bridge.world.grid import StateGrid, state_grid
 from sim_bridge.world.world import World
 
@@ -34,7 +34,8 @@ def scenes(grid: StateGrid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rooms")
     states, of = len(grid.next_state), hall()
     scene = replace(
-        of, name=ROOM, room_type="bathroom", features=np.zeros((states, 4), np.float16),
+        of, name=ROOM, room_type="bathroom", source=room_source("bathroom"),
+        features=np.zeros((states, 4), np.float16),
         detections=np.zeros((states, len(of.objects), 5), np.float16),
         next_state=grid.next_state, collided=grid.collided,
         visible=np.zeros((states, len(of.objects)), bool), position=grid.position,
@@ -110,5 +111,9 @@ def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> 
     scene = OfflineScene.load(room_folder(scenes, "bathroom", 3))
     with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:4"):
         scans.turns(replace(scene, name="bathroom:4"), 1.0)
+    # other things may stand there and stop the robot alike
+    with pytest.raises(ValueError, match=r"\(rooms 0, today's is rooms 1\).*--rooms bathroom:3"):
+        scans.turns(replace(scene, source="rooms 0"), 1.0)
+    scans.turns(replace(scene, source=f"{scene.source} shifted by 0.5"), 1.0, most=1)
     with pytest.raises(ValueError, match=r"found no scans\.npy"):
         lidar_states.run(lidar_states.EstimateOptions(tmp_path))

@@ -18,7 +18,7 @@ from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.settings import setting
 from cfnav_core.task.camera import ASPECT_TOLERANCE
 from cfnav_core.task.pinhole import Pinhole
-from cfnav_ros.drive.fields import Claim
+from cfnav_ros.drive.fields import FURTHEST_M, Claim
 from cfnav_ros.drive.inputs import CameraFrame
 from cfnav_ros.lidar.returns import Mount, Scan, malformed, points_around
 from cfnav_ros.robot.stamps import seconds
@@ -229,10 +229,11 @@ class DetectionWatch:
                 f"The detector's boxes are in {claim.frame or 'no frame'}, the camera's is "
                 f"{camera.frame}: let the detector say them there."
             )
-        if claim.box_depth <= 0:
+        if not 0 < claim.box_depth <= FURTHEST_M:  # nor nan
             raise ValueError(
-                "A box has no place before the camera, but detections.boxes is metres: set it to "
-                "pixels, or name a Detection3DArray that has them."
+                f"A box is {claim.box_depth:g} m before the camera, expected more than 0 and at "
+                f"most {FURTHEST_M:g}, as detections.boxes is metres: set it to pixels, or name a "
+                "Detection3DArray that has them."
             )
         left, top, right, bottom = (side / claim.box_depth for side in claim.box)
         x, y = camera.cx + 0.5, camera.cy + 0.5  # a box's edges lie between pixels

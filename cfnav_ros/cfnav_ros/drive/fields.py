@@ -178,9 +178,9 @@ def _claim(bbox: Any, best: Any, frame: str) -> Claim | None:
             raise ValueError(
                 f"A detection's box is turned by {bbox.center.theta:g} rad, expected upright ones."
             )
-    if not all(map(math.isfinite, (middle.x, middle.y, wide, high, depth, box_depth))):
+    if not all(map(math.isfinite, (middle.x, middle.y, wide, high, depth))):
         raise ValueError("A detection holds a number that is not finite.")
-    if min(wide, high) < 0 or not 0 <= max(depth, box_depth) <= FURTHEST_M or depth < 0:
+    if min(wide, high) < 0 or not 0 <= depth <= FURTHEST_M:
         raise ValueError(
             f"A detection's box is {wide:g} by {high:g}, {depth:g} m away: expected no "
             f"negative numbers and at most {FURTHEST_M:g} m."

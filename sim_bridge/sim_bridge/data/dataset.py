@@ -29,10 +29,7 @@ from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.rooms import (
     BUILT_IN,
-    CC0,
     SWEET_HOME,
-    VARIED,
-    furniture_of,
     parse_rooms,
     room_folder,
     type_of,
@@ -40,8 +37,7 @@ from cfnav_core.task.rooms import (
 from cfnav_core.task.visibility import MIN_GOAL_STATES
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.data.goals import left_out
-from sim_bridge.room.room import ROOMS_VERSION, Room, check_furniture, generate_room
-from sim_bridge.room.sweet_home import CC0_VERSION, SWEET_HOME_VERSION, VARIED_VERSION
+from sim_bridge.room.room import Room, check_furniture, generate_room, room_source
 from sim_bridge.world.visual_shift import shifted
 
 if TYPE_CHECKING:
@@ -82,20 +78,6 @@ class RoomOptions:
     def run_command(self) -> None:
         """Render."""
         run(self)
-
-
-def room_source(kind: str, visual_shift: float = 0.0) -> str:
-    """What a kind of room and its pictures are made by: their version, and another light and lens.
-
-    Each furniture has a version of its own.
-    """
-    made = {
-        BUILT_IN: f"rooms {ROOMS_VERSION}",
-        SWEET_HOME: f"{SWEET_HOME} rooms {SWEET_HOME_VERSION}",
-        CC0: f"{CC0} rooms {CC0_VERSION}",
-        VARIED: f"{VARIED} rooms {VARIED_VERSION} of {SWEET_HOME} rooms {SWEET_HOME_VERSION}",
-    }[furniture_of(kind)]
-    return made + (f" shifted by {visual_shift}" if visual_shift else "")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfnav_core.task.rooms import furniture_of, parse_room, split_of, type_of
+from cfnav_core.task.rooms import (
+    BUILT_IN,
+    CC0,
+    SWEET_HOME,
+    VARIED,
+    furniture_of,
+    parse_room,
+    split_of,
+    type_of,
+)
 from cfnav_core.task.vocabulary import CATEGORY_ID
 from sim_bridge.room import built_in, sweet_home
 from sim_bridge.room.parts import Builder, Colour, Part, Placed, RoomObject
@@ -108,3 +117,38 @@ def generate_room(kind: str, seed: int) -> Room:
         kind, seed, b.width, b.depth, tuple(b.parts), tuple(b.placed), tuple(b.objects),
         look.textures, look.ambient, look.lights,
     )  # fmt: skip
+
+
+def room_source(kind: str, visual_shift: float = 0.0) -> str:
+    """What a kind of room and its pictures are made by: their version, and another light and lens.
+
+    Each furniture has a version of its own.
+    """
+    models = f"{SWEET_HOME} rooms {sweet_home.SWEET_HOME_VERSION}"
+    made = {
+        BUILT_IN: f"rooms {ROOMS_VERSION}",
+        SWEET_HOME: models,
+        CC0: f"{CC0} rooms {sweet_home.CC0_VERSION}",
+        VARIED: f"{VARIED} rooms {sweet_home.VARIED_VERSION} of {models}",
+    }[furniture_of(kind)]
+    return made + (f" shifted by {visual_shift}" if visual_shift else "")
+
+
+def room_of(name: str, source: str) -> Room:
+    """The room that a scene was made of.
+
+    Args:
+        name: of the scene, such as kitchen:100.
+        source: of the scene, see ``room_source``.
+
+    Raises:
+        ValueError: rooms of that name were made otherwise then, or there are none.
+    """
+    kind, seed = parse_room(name)
+    made, today = source.partition(" shifted by ")[0], room_source(kind)
+    if made != today:
+        raise ValueError(
+            f"found a scene of {name} made by another version ({made}, today's is {today}); make "
+            f"it again with cfnav rooms make --rooms {name}"
+        )
+    return generate_room(kind, seed)

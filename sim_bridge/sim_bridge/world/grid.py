@@ -12,10 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from cfnav_core.scenes.scene import HEADINGS, OfflineScene, actions_to, metres_to
 from cfnav_core.task.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.task.camera import MAST, CameraSetUp
-from cfnav_core.task.rooms import parse_room
 from cfnav_core.task.visibility import MIN_GOAL_STATES, VISIBLE_DISTANCE_M
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
-from sim_bridge.room.room import generate_room
+from sim_bridge.room.room import room_of
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.world import Pose, World
 
@@ -115,10 +114,10 @@ def remade(scene: OfflineScene) -> tuple[World, StateGrid]:
         scene: of a room of ours, as ``cfnav rooms make`` names it.
 
     Raises:
-        ValueError: the room as it is made today has other states.
+        ValueError: the room is made otherwise today.
     """
     set_up = scene.camera or MAST
-    world = World(generate_room(*parse_room(scene.name)), set_up.on_mast)
+    world = World(room_of(scene.name, scene.source), set_up.on_mast)
     grid = state_grid(world, set_up.horizons)
     if not np.array_equal(grid.next_state, scene.next_state):
         raise ValueError(

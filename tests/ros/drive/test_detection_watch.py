@@ -220,7 +220,11 @@ def test_boxes_in_metres_are_where_they_stand_in_the_cameras_frame() -> None:
     found = watch(other, boxes="metres").see(NS, told_of(chair, size="3d"), 0.0)
     assert "boxes are in oakd_optical, the camera's is base_link" in found.fault
     flat = watch(camera, boxes="metres").see(NS, told_of(chair[:6]), 0.0)
-    assert "no place before the camera" in flat.fault
+    assert "A box is 0 m before the camera" in flat.fault
+    for ahead in (-1.0, 51.0, math.nan):
+        odd = told_of((*chair[:-1], ahead), size="3d")
+        assert "m before the camera" in watch(camera, boxes="metres").see(NS, odd, 0.0).fault
+        assert watch(camera).see(NS, odd, 0.0).decode()  # of pixels it says nothing
     with pytest.raises(ValueError, match="boxes is 'feet', expected pixels, metres"):
         DetectionSettings(boxes="feet")
 

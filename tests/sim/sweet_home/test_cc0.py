@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from sim_bridge.data.dataset import RoomOptions, room_source
+from sim_bridge.data.dataset import RoomOptions
 from sim_bridge.room.kit import Kit
 from sim_bridge.room.parts import Builder
-from sim_bridge.room.room import Room, check_furniture, generate_room
+from sim_bridge.room.room import Room, check_furniture, generate_room, room_source
 from sim_bridge.room.shell import finish
 from sim_bridge.room.surroundings import Surroundings
 from sim_bridge.room.sweet_home import CC0_VERSION, RECIPES

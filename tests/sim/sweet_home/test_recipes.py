@@ -8,12 +8,12 @@ from itertools import combinations
 import cv2
 import numpy as np
 import pytest
-from sim_bridge.data.dataset import RoomOptions, room_source, run
+from sim_bridge.data.dataset import RoomOptions, run
 from sim_bridge.data.room_sheet import ShowOptions
 from sim_bridge.room.kit import Kit
 from sim_bridge.room.parts import Builder, Frame, Surface
 from sim_bridge.room.recipes.openings import LEAF_M, leaf
-from sim_bridge.room.room import Room, generate_room
+from sim_bridge.room.room import Room, generate_room, room_source
 from sim_bridge.room.surroundings import Surroundings
 from sim_bridge.sweet_home.catalogue import SweetHomeError
 from sim_bridge.sweet_home.table import pieces

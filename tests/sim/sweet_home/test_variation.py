@@ -7,10 +7,9 @@ from dataclasses import replace
 import mujoco as mj
 import numpy as np
 import pytest
-from sim_bridge.data.dataset import room_source
 from sim_bridge.room import sweet_home
 from sim_bridge.room.parts import Frame
-from sim_bridge.room.room import Room, check_furniture, generate_room
+from sim_bridge.room.room import Room, check_furniture, generate_room, room_source
 from sim_bridge.room.sweet_home import SWEET_HOME_VERSION, VARIED_VERSION
 from sim_bridge.sweet_home.catalogue import VARIABLE, SweetHomeError
 from sim_bridge.sweet_home.table import shipped_pieces

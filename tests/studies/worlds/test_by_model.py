@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from sim_bridge.room.room import generate_room
 
 from cfnav_core.learn.env import SceneBank
@@ -40,9 +41,12 @@ def test_episodes_are_counted_by_what_stands_for_their_goal(monkeypatch) -> None
     results.append(EpisodeResult(True, 0, 3, 3))
     goals = np.array([laptop, mug, laptop, mug])
     made = Evaluation({}, ("Laptop",), bank, Episodes(starts, goals), results, [])
-    kinds = {0: {"Laptop": UNKNOWN, "Mug": KNOWN}, 1: {"Laptop": SEVERAL, "Mug": KNOWN}}
-    monkeypatch.setattr(by_model, "generate_room", lambda kind, seed: seed)
-    monkeypatch.setattr(by_model, "kinds_of", lambda seed: kinds[seed])
+    with pytest.raises(ValueError, match="kitchen:0 made by another version"):
+        rows(made)
+    kinds = {"kitchen:0": {"Laptop": UNKNOWN, "Mug": KNOWN}}
+    kinds["kitchen:1"] = {"Laptop": SEVERAL, "Mug": KNOWN}
+    monkeypatch.setattr(by_model, "room_of", lambda name, source: name)
+    monkeypatch.setattr(by_model, "kinds_of", lambda name: kinds[name])
     found = {row["kind"]: row for row in rows(made)}
     assert {kind: row["episodes"] for kind, row in found.items()} == {
         UNKNOWN: 1,
