@@ -25,7 +25,7 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         ),
         "rooms scan": Entry("sim_bridge.data.scans:ScanOptions", "scan rooms with the LiDAR"),
         "rooms boxes": Entry(
-            "sim_bridge.data.boxes:BoxOptions", "give scenes a detector's boxes to learn from"
+            "sim_bridge.data.boxes:BoxOptions", "make scenes of a detector's boxes, to train in"
         ),
         "rooms overhangs": Entry(
             "sim_bridge.data.overhangs:OverhangOptions", "count collisions that no LiDAR foresees"

@@ -69,7 +69,7 @@ def restamp(folder: Path) -> str:
         SceneError: the scene cannot be read.
     """
     # few need MuJoCo and a GL library
-    from sim_bridge.data.dataset import sampled_visible
+    from sim_bridge.data.states import sampled_visible
     from sim_bridge.room.room import generate_room, room_source
     from sim_bridge.world.grid import state_grid
     from sim_bridge.world.world import World

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Remakes the bundles from nothing: default (camera on a mast), turtlebot4 (as sold, wide) and boxes
-# (any detector, in the rooms of turtlebot4), each ours, beside plain from the same stage one. Takes
-# days, and 37 and 47 GB for perception's pictures; goes on where it stopped when run again.
+# (any detector), each ours, beside plain from the same stage one. The first two take days, and 37
+# and 47 GB for perception's pictures, boxes takes hours; goes on where it stopped when run again.
 #   OUT=out/train BUNDLES="default turtlebot4 boxes" scripts/train_demo.sh
 # Perception learns from 200 pictures of each of its own rooms, while they are rendered; the second
 # camera's begins with the first one's. Training rooms train both policies, validation rooms end
@@ -46,7 +46,7 @@ render() { # render ROOMS...
     --out "$out/scenes"
 }
 detect() { # detect FOLDER DISTANCE ROOMS...: what a detector says in these rooms
-  cfnav rooms boxes "$root/turtlebot4/scenes" --out "$1" --distance "$2" $(each --rooms "${@:3}")
+  cfnav rooms boxes --camera "$camera" --out "$1" --distance "$2" $(each --rooms "${@:3}")
 }
 listen() { # listen FOLDER ROOMS...: the LiDAR's p_hat
   cfnav rooms scan "$1" $(each --rooms "${@:2}") && cfnav data lidar "$1"
@@ -85,22 +85,18 @@ policies() { # policies NAME [MORE]: ours and plain, judged without ROS and on t
     "${@:2}"
 }
 
-rooms_of() { # rooms_of NAME CAMERA: perception, and the rooms as it sees them
+remake() { # remake NAME CAMERA: perception, the rooms as it sees them, and the policies
   camera=$2 out=$root/$1
   perception=$out/perception/perception.onnx
   once perception see
   begin=$perception
   once rooms render $training $validation
   once tests render $tests
-}
-remake() { # remake NAME CAMERA
-  rooms_of "$1" "$2"
   learnt=() exported=(--perception "$perception") judged=(--scenes "$out/scenes")
   policies "$1"
 }
-remake_boxes() {
-  rooms_of turtlebot4 stock_wide
-  out=$root/boxes
+remake_boxes() { # without pictures: a detector's boxes, and the LiDAR
+  camera=stock_wide out=$root/boxes
   once rooms detect "$out/scenes" mixed $training $validation
   once tests detect "$out/sealed" lidar $tests
   once scans listen "$out/sealed" $tests

@@ -1,4 +1,4 @@
-"""Scenes with a detector's boxes in place of what a perception detects."""
+"""Scenes of a detector's boxes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from sim_bridge.data import boxes
+from sim_bridge.data.states import sampled_visible
 from sim_bridge.room.room import generate_room, room_source
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.grid import state_grid
@@ -20,35 +21,14 @@ from cfnav_core.scenes.scene import OfflineScene
 from cfnav_core.task.camera import CAMERAS, MAST
 from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.rooms import room_folder
+from cfnav_core.task.visibility import MIN_GOAL_STATES
 from cfnav_core.task.vocabulary import CATEGORIES, ROOM_TYPES
 from studies.eyes.rooms import things_of_rooms
-from tests.core.worlds import hall
 
 import mujoco  # isort: skip
 
 ROOM = ("bathroom", 3)
 WIDE = CAMERAS["stock_wide"]
-
-
-@pytest.fixture(scope="module")
-def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the scene of a bathroom by the camera as sold, of pictures nothing."""
-    folder = tmp_path_factory.mktemp("rooms")
-    grid = state_grid(World(generate_room(*ROOM), False), WIDE.horizons)
-    states, objects = len(grid.next_state), len(CATEGORIES)
-    scene = replace(
-        hall(), name="bathroom:3", source=room_source("bathroom"), room_type="bathroom",
-        objects=CATEGORIES, goals=(),
-        features=np.zeros((states, 4), np.float16), camera=WIDE,
-        detections=np.zeros((states, objects, 5), np.float16),
-        next_state=grid.next_state, collided=grid.collided,
-        visible=np.zeros((states, objects), bool), position=grid.position,
-        heading=grid.heading, horizon=grid.horizon, positions=grid.positions,
-        instances=np.zeros(objects, np.int16),
-        distance=np.zeros((len(grid.positions), objects), np.float32),
-    )  # fmt: skip
-    scene.save(room_folder(folder, *ROOM))
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -62,24 +42,43 @@ def faultless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def made(scenes: Path, out: Path, **options) -> OfflineScene:
-    boxes.run(boxes.BoxOptions(scenes, out, ["bathroom:3"], processes=1, **options))
+def made(out: Path, **options) -> OfflineScene:
+    boxes.run(boxes.BoxOptions(out, ["bathroom:3"], processes=1, **options))
     return OfflineScene.load(room_folder(out, *ROOM))
 
 
 @pytest.fixture(scope="module")
-def true(scenes: Path, faultless: Path, tmp_path_factory: pytest.TempPathFactory) -> OfflineScene:
+def true(faultless: Path, tmp_path_factory: pytest.TempPathFactory) -> OfflineScene:
     """With every true box, and distances by depth."""
-    return made(scenes, tmp_path_factory.mktemp("out"), errors=faultless, distance="depth")
+    return made(tmp_path_factory.mktemp("out"), errors=faultless, distance="depth")
 
 
-def test_a_scene_keeps_all_but_its_detections(scenes: Path, true: OfflineScene) -> None:
-    before = OfflineScene.load(room_folder(scenes, *ROOM))
-    assert true.fields == SIGHTINGS
-    assert (true.source, true.camera, true.goals) == (before.source, before.camera, before.goals)
-    np.testing.assert_array_equal(true.features, before.features)
-    np.testing.assert_array_equal(true.next_state, before.next_state)
-    assert "far by depth on" in true.perception
+def test_a_scene_is_of_the_room_as_the_camera_sees_it(true: OfflineScene) -> None:
+    world = World(generate_room(*ROOM), False)
+    grid = state_grid(world, WIDE.horizons)
+    assert (true.name, true.fields, true.camera) == ("bathroom:3", SIGHTINGS, WIDE)
+    assert true.source == room_source("bathroom")
+    assert "far by depth" in true.perception
+    np.testing.assert_array_equal(true.next_state, grid.next_state)
+    states = np.arange(true.num_states)
+    expected = sampled_visible(world, grid, WIDE, CATEGORIES, states)
+    np.testing.assert_array_equal(true.visible, expected)
+    assert set(true.goals) == {
+        name for name, often in zip(CATEGORIES, expected.sum(0), strict=True)
+        if often >= MIN_GOAL_STATES
+    }  # fmt: skip
+
+
+def test_features_are_how_near_things_are_ahead(true: OfflineScene) -> None:
+    world = World(generate_room(*ROOM), False)
+    grid = state_grid(world, WIDE.horizons)
+    off = []
+    for state in range(0, true.num_states, 5):
+        exact = boxes.nearness(world.scan(boxes.BEAMS, grid.pose(state)))
+        off.append(np.abs(np.asarray(true.features[state], float) - exact))
+    assert np.median(off) < 0.01  # the LiDAR's noise
+    ahead = true.features[:, true.features.shape[1] // 2]
+    assert ahead[true.collided].mean() > ahead[~true.collided].mean() + 0.1
 
 
 def test_what_the_camera_sees_is_where_it_is_said(true: OfflineScene) -> None:
@@ -125,9 +124,9 @@ def test_distances_are_those_of_things_give_or_take_a_cameras_error(true: Offlin
 
 @pytest.mark.parametrize("by", ["size", "lidar", "nothing"])
 def test_distances_may_be_known_otherwise(
-    by: str, scenes: Path, faultless: Path, true: OfflineScene, tmp_path: Path
+    by: str, faultless: Path, true: OfflineScene, tmp_path: Path
 ) -> None:
-    other = made(scenes, tmp_path, errors=faultless, distance=by)
+    other = made(tmp_path, errors=faultless, distance=by)
     seen = (true.detections[..., 0] > 0) & (true.detections[..., 5] > 0)
     near, far = (np.asarray(s.detections[..., 5], float)[seen] for s in (true, other))
     if by == "nothing":
@@ -139,42 +138,31 @@ def test_distances_may_be_known_otherwise(
         assert np.median(np.abs(far - near)[told]) < {"size": 1.2, "lidar": 0.6}[by]
 
 
-def test_each_room_has_one_way_of_the_three_where_they_are_mixed(
-    scenes: Path, tmp_path: Path
-) -> None:
-    options = boxes.BoxOptions(scenes, tmp_path, distance="mixed")
+def test_each_room_has_one_way_of_the_three_where_they_are_mixed(tmp_path: Path) -> None:
+    options = boxes.BoxOptions(tmp_path, distance="mixed")
     drawn = {boxes.way_of(kind, seed, options) for kind in ROOM_TYPES for seed in range(20)}
     assert drawn == {"size", "lidar", "depth"}
     assert boxes.way_of("kitchen", 1, replace(options, distance="nothing")) == "nothing"
 
 
-def test_the_boxes_of_a_scene_are_those_of_their_version(
-    scenes: Path, faultless: Path, tmp_path: Path
-) -> None:
+def test_the_boxes_of_a_scene_are_those_of_their_version(faultless: Path, tmp_path: Path) -> None:
     """When this fails, either the change is a mistake or the version must rise."""
-    found = made(scenes, tmp_path, errors=faultless, distance="lidar").detections.astype(float)
+    found = made(tmp_path, errors=faultless, distance="lidar").detections.astype(float)
     about = [np.count_nonzero(found[..., 0]), *found.sum((0, 1))]
-    assert boxes.BOXES_VERSION == 3
-    expected = [560, 304.78, -1.02, 101.23, 66.72, 74.38, 1043.43]
+    assert boxes.BOXES_VERSION == 4
+    expected = [560, 295.37, -1.02, 101.23, 66.72, 74.38, 1043.43]
     assert about == pytest.approx(expected, rel=0.005, abs=0.05)
 
 
-def test_rooms_that_are_there_are_kept_and_others_made_again(scenes: Path, tmp_path: Path) -> None:
-    first = made(scenes, tmp_path, distance="size")
+def test_rooms_that_are_there_are_kept_and_others_made_again(tmp_path: Path) -> None:
+    first = made(tmp_path, distance="size")
     path = room_folder(tmp_path, *ROOM) / "detections.npy"
     before = path.stat().st_mtime_ns
-    made(scenes, tmp_path, distance="size")
+    made(tmp_path, distance="size")
     assert path.stat().st_mtime_ns == before
-    second = made(scenes, tmp_path, distance="nothing")
+    second = made(tmp_path, distance="nothing")
     assert path.stat().st_mtime_ns > before
     assert first.perception != second.perception
-
-
-def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> None:
-    scene = OfflineScene.load(room_folder(scenes, *ROOM))
-    replace(scene, name="bathroom:4").save(room_folder(tmp_path, "bathroom", 4))
-    with pytest.raises(ValueError, match=r"made by another version.*--rooms bathroom:4"):
-        boxes.run(boxes.BoxOptions(tmp_path, tmp_path / "out", ["bathroom:4"], processes=1))
 
 
 def test_a_thing_that_is_cut_off_shows_a_smaller_share_of_itself() -> None:

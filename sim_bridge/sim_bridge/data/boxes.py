@@ -1,9 +1,8 @@
-"""What a detector would say in every state: ``cfnav rooms boxes SCENES --out DIR``.
+"""What a detector would say in every state of rooms: ``cfnav rooms boxes --out DIR``.
 
-Copies scenes that ``cfnav rooms make`` made, with sightings in place of what their perception
-detects: true boxes with a detector's errors, seen as directions, and a distance as a robot would
-know it. Their features stay: a predictor learns from them in training, and a policy that reads
-boxes only is driven by the LiDAR instead. Rooms already in DIR are kept.
+Scenes of sightings: true boxes with a detector's errors, seen as directions, and a distance as a
+robot would know it. No picture is looked at. Their features, from which a predictor learns, are
+what the LiDAR measures ahead. Rooms already in DIR are kept.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
@@ -34,16 +33,17 @@ from cfnav_core.detect.sightings import (
 )
 from cfnav_core.files.provenance import sha256
 from cfnav_core.scenes.scene import OfflineScene, SceneError
-from cfnav_core.task.camera import MAST
+from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_core.task.rooms import parse_rooms, room_folder
+from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.data.goals import left_out
+from sim_bridge.data.states import in_how_many, unseen
 from sim_bridge.robot.noise import Noise, NoiseLevels
+from sim_bridge.room.room import check_furniture, generate_room, room_source
 
-if TYPE_CHECKING:
-    from sim_bridge.world.world import Pose, World
-
-BOXES_VERSION = 3
+BOXES_VERSION = 4
 """Rises when the same scene gets other boxes; a test holds it."""
 
 By = Literal["size", "lidar", "depth", "nothing"]
@@ -54,20 +54,24 @@ DEPTH_ERROR, DEPTH_BLIND = 0.04, 0.1
 """Standard deviation of a stereo camera's distance as a share of it, and of how many things it has
 none; ours, for want of a robot to measure it on."""
 
-BEAMS = np.radians(np.arange(-90.0, 90.5, 0.5))
+BEAMS = np.radians(np.arange(-89.75, 90.0, 0.5))
 """Bearings of the LiDAR that a box can lie in: all that a camera which looks ahead can see."""
+
+SECTOR = 4
+"""Beams that a feature is the nearest of."""
 
 
 @dataclass(frozen=True)
 class BoxOptions:
-    """Give scenes the boxes of a detector, from which a policy learns that needs no more."""
+    """Make scenes of a detector's boxes, from which a policy learns that needs no more."""
 
-    scenes: Annotated[Path, tyro.conf.Positional]
-    """Folder of the scenes (cfnav rooms make)."""
     out: Path
-    """Folder for the new ones."""
+    """Folder that gets one sub-folder for each room."""
     rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; data2:train when absent."""
+    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; data2:train when absent.
+    sweet_home.TYPE and sweet_home.SPLIT name a furniture, too."""
+    camera: str = "stock_wide"
+    """Whose view: mast, stock_wide, stock_preview, lite, or a JSON file like a scene's camera."""
     errors: Path = SHIPPED
     """The detector's errors (python -m studies.eyes.errors)."""
     distance: Literal["size", "lidar", "depth", "nothing", "mixed"] = "mixed"
@@ -96,64 +100,73 @@ def way_of(kind: str, seed: int, options: BoxOptions) -> By:
 
 
 def box_scene(kind: str, seed: int, options: BoxOptions) -> None:
-    """Make one room's.
-
-    Raises:
-        ValueError: there is no scene of it, or one of another version.
-    """
+    """Make one room's."""
     # few need MuJoCo
-    from sim_bridge.world.camera import Camera
-    from sim_bridge.world.grid import remade
+    from sim_bridge.world.camera import Camera, pixels_of
+    from sim_bridge.world.grid import state_grid
     from sim_bridge.world.things import Things
+    from sim_bridge.world.world import World
 
-    scene = OfflineScene.load(room_folder(options.scenes, kind, seed))
-    set_up = scene.camera or MAST
-    world, grid = remade(scene)
+    set_up = CameraSetUp.read(options.camera)
+    world = World(generate_room(kind, seed), set_up.on_mast)
+    grid = state_grid(world, set_up.horizons)
     model, pinhole = ErrorModel.load(options.errors), Pinhole.of(set_up)
     rng = np.random.default_rng([zlib.crc32(kind.encode()), seed, BOXES_VERSION])
-    far = _rangings(world, seed, rng)[way_of(kind, seed, options)]
+    noise, far = Noise(NoiseLevels(), seed), _rangings(rng)[way_of(kind, seed, options)]
     degree = pinhole.fx * np.radians(1)
-    rows = []
+    visible, features, rows = [], [], []
     with Camera(world, set_up) as camera:
         things = Things(camera)
-        for state in range(scene.num_states):
+        for state in range(len(grid.next_state)):
             pose = grid.pose(state)
-            there = things.seen(pose, camera.owners(pose))
-            said = model.says(there, scene.objects, set_up.size, degree, rng)
-            ranging = far(pose)
+            owner = camera.owners(pose)
+            pixels = pixels_of(owner, len(world.room.objects))
+            visible.append(camera.visible_categories(pose, pixels))
+            ranges = noise.scan(world.scan(BEAMS, pose))
+            features.append(nearness(ranges))
+            ranging = far(ranges)
+            said = model.says(things.seen(pose, owner), CATEGORIES, set_up.size, degree, rng)
             seen = [(sighted(found, pinhole, pose.tilt), thing) for found, thing in said]
-            rows.append(
-                table((replace(s, distance=ranging(s, of)) for s, of in seen), scene.objects)
-            )
+            rows.append(table((replace(s, distance=ranging(s, of)) for s, of in seen), CATEGORIES))
+    scene = unseen(world, grid, set_up, room_source(kind), CATEGORIES, np.stack(visible))
     replace(
-        scene, detections=np.stack(rows), fields=SIGHTINGS,
-        perception=f"{options.kind} on {scene.perception}",
+        scene, perception=options.kind, fields=SIGHTINGS,
+        features=np.stack(features), detections=np.stack(rows),
     ).save(room_folder(options.out, kind, seed))  # fmt: skip
+
+
+def nearness(ranges: np.ndarray) -> np.ndarray:
+    """How near the nearest return is in every sector: float16 [N / SECTOR], 0 of none, 1 of 0 m.
+
+    Args:
+        ranges: float [N], metres, inf where nothing returns.
+    """
+    nearest = ranges.reshape(-1, SECTOR).min(1)
+    return (1 / (1 + nearest)).astype(np.float16)
 
 
 Far = Callable[[Sighting, Thing | None], float]
 """How far away a sighting is taken to be, by what the thing is that it is of; metres, 0 unknown."""
 
 
-def _rangings(world: World, seed: int, rng: np.random.Generator) -> dict[By, Callable[[Pose], Far]]:
-    """For each way to know distances, how they are known at a pose."""
+def _rangings(rng: np.random.Generator) -> dict[By, Callable[[np.ndarray], Far]]:
+    """For each way to know distances, how they are known where ``BEAMS`` have some ranges."""
     from sim_bridge.world.world import LIDAR_X
 
-    noise, sizes = Noise(NoiseLevels(), seed), by_size(known_sizes())
+    sizes = by_size(known_sizes())
 
-    def around(pose: Pose) -> Ranging:
-        ranges = noise.scan(world.scan(BEAMS, pose))
+    def around(ranges: np.ndarray) -> Ranging:
         returned = np.isfinite(ranges)
         far, bearing = ranges[returned], BEAMS[returned]
         x, y = LIDAR_X + far * np.cos(bearing), far * np.sin(bearing)
         return by_ranges(np.arctan2(y, x), np.hypot(x, y))
 
-    def lidar(pose: Pose) -> Far:
-        ranging = around(pose)
+    def lidar(ranges: np.ndarray) -> Far:
+        ranging = around(ranges)
         return lambda sighting, _: ranging(sighting)
 
-    def depth(pose: Pose) -> Far:
-        behind = around(pose)  # a camera measures something also where nothing is that was said
+    def depth(ranges: np.ndarray) -> Far:
+        behind = around(ranges)  # a camera measures something also where nothing is that was said
 
         def far(sighting: Sighting, thing: Thing | None) -> float:
             if rng.random() < DEPTH_BLIND:
@@ -172,13 +185,12 @@ def _rangings(world: World, seed: int, rng: np.random.Generator) -> dict[By, Cal
 
 
 def _there(kind: str, seed: int, options: BoxOptions) -> bool:
-    """Whether a room's was made of the scene that there is now."""
+    """Whether a room's is there and would be the same again."""
     try:
         made = OfflineScene.load(room_folder(options.out, kind, seed))
-        scene = OfflineScene.load(room_folder(options.scenes, kind, seed))
     except SceneError:
         return False
-    expected = f"{options.kind} on {scene.perception}", scene.source, scene.camera
+    expected = options.kind, room_source(kind), CameraSetUp.read(options.camera)
     return (made.perception, made.source, made.camera) == expected
 
 
@@ -186,7 +198,7 @@ def run(options: BoxOptions) -> None:
     """Make every room's that is not there yet.
 
     Raises:
-        ValueError: bad rooms or errors, or scenes that are not there or made by another version.
+        ValueError: bad rooms, camera or errors, or furniture that is not installed.
         OSError: a file cannot be written.
     """
     need("mujoco")
@@ -194,6 +206,7 @@ def run(options: BoxOptions) -> None:
 
     ErrorModel.load(options.errors)
     rooms = parse_rooms(options.rooms or ["data2:train"])
+    check_furniture(kind for kind, _ in rooms)
     todo = [room for room in rooms if not _there(*room, options)]
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         jobs = [pool.submit(box_scene, *room, options) for room in todo]
@@ -204,3 +217,4 @@ def run(options: BoxOptions) -> None:
             pool.shutdown(cancel_futures=True)
             raise
     print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
+    print(left_out([in_how_many(OfflineScene.load(room_folder(options.out, *r))) for r in rooms]))

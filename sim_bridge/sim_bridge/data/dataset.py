@@ -8,12 +8,11 @@ perception. Rooms already in DIR are kept, so an interrupted run goes on where i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
@@ -32,17 +31,12 @@ from cfnav_core.task.rooms import (
     SWEET_HOME,
     parse_rooms,
     room_folder,
-    type_of,
 )
-from cfnav_core.task.visibility import MIN_GOAL_STATES
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.data.goals import left_out
-from sim_bridge.room.room import Room, check_furniture, generate_room, room_source
+from sim_bridge.data.states import in_how_many, sampled_visible, unseen
+from sim_bridge.room.room import check_furniture, generate_room, room_source
 from sim_bridge.world.visual_shift import shifted
-
-if TYPE_CHECKING:
-    from sim_bridge.world.grid import StateGrid
-    from sim_bridge.world.world import World
 
 BATCH = 64
 
@@ -166,58 +160,13 @@ def _render(
         visible = np.array(before.visible)
     else:
         visible = sampled_visible(world, grid, look.camera, objects, states)
-    often = visible.sum(0) >= MIN_GOAL_STATES
-    none = np.empty((len(states), 0), np.float16)
-    scene = OfflineScene(
-        name=f"{kind}:{seed}", room_type=type_of(kind), perception="", camera=look.camera,
-        source=room_source(kind, look.visual_shift), objects=objects,
-        goals=tuple(name for name, enough in zip(objects, often, strict=True) if enough),
-        features=none, detections=none, fields=(),
-        next_state=grid.next_state, collided=grid.collided, visible=visible,
-        position=grid.position, heading=grid.heading, horizon=grid.horizon,
-        positions=grid.positions,
-        **_instances(world.room, grid.positions, objects),
-    )  # fmt: skip
-    return scene, pictures
-
-
-def _of(objects: Sequence[str], visible: np.ndarray) -> np.ndarray:
-    """Columns of named objects, from bool [..., categories]; one that no room has is never seen."""
-    out = np.zeros((*visible.shape[:-1], len(objects)), bool)
-    for column, name in enumerate(objects):
-        if name in CATEGORIES:
-            out[..., column] = visible[..., CATEGORIES.index(name)]
-    return out
-
-
-def sampled_visible(
-    world: World, grid: StateGrid, camera: CameraSetUp, objects: Sequence[str], states: np.ndarray
-) -> np.ndarray:
-    """Which objects are visible in some states of a room: bool [N, C]."""
-    from sim_bridge.world.camera import Camera
-
-    with Camera(world, camera) as look:
-        seen = [look.visible_categories(grid.pose(int(state))) for state in states]
-    return _of(objects, np.stack(seen))
-
-
-def _instances(room: Room, positions: np.ndarray, objects: Sequence[str]) -> dict[str, np.ndarray]:
-    """How many of each object a room has, and how far the nearest is from each position."""
-    instances = np.zeros(len(objects), np.int16)
-    distance = np.full((len(positions), len(objects)), np.inf, np.float32)
-    for thing in room.objects:
-        if thing.name in objects:
-            category = objects.index(thing.name)
-            x0, y0, x1, y1 = thing.footprint
-            away = np.hypot(*(positions - np.array([(x0 + x1) / 2, (y0 + y1) / 2])).T)
-            distance[:, category] = np.minimum(distance[:, category], away)
-            instances[category] += 1
-    return {"instances": instances, "distance": distance}
+    source = room_source(kind, look.visual_shift)
+    return unseen(world, grid, look.camera, source, objects, visible), pictures
 
 
 def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int:
     """Render random states of a room with labels; returns their number."""
-    from sim_bridge.world.camera import Camera
+    from sim_bridge.world.camera import Camera, pixels_of
     from sim_bridge.world.grid import state_grid
     from sim_bridge.world.world import World
 
@@ -236,7 +185,7 @@ def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int
         for state in states:
             pose = grid.pose(int(state))
             picture = camera.picture(pose)
-            seen = camera.visible_things(pose, picture.pixels(len(objects)))
+            seen = camera.visible_things(pose, pixels_of(picture.owner, len(objects)))
             near = np.where(np.append(seen, False), category, -1)
             rows.append((
                 percept.preprocess(shifted(picture.rgb, look.visual_shift)),
@@ -358,13 +307,7 @@ def run(options: RoomOptions) -> None:
     print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
     if not options.views:
         scenes = [OfflineScene.load(room_folder(options.out, *room)) for room in rooms]
-        print(left_out([_sightings(scene) for scene in scenes]))
-
-
-def _sightings(scene: OfflineScene) -> dict[str, int]:
-    """In how many states each thing of a scene is visible."""
-    states = scene.visible.sum(0)
-    return {name: int(states[c]) for c, name in enumerate(scene.objects) if scene.instances[c]}
+        print(left_out([in_how_many(scene) for scene in scenes]))
 
 
 def _result(job: Future[int], room: tuple[str, int]) -> int:

@@ -31,9 +31,10 @@ class Rendering:
     depth: np.ndarray
     owner: np.ndarray
 
-    def pixels(self, objects: int) -> np.ndarray:
-        """int64 [objects]: pixels of every object."""
-        return np.bincount(self.owner.ravel() + 1, minlength=objects + 1)[1:]
+
+def pixels_of(owner: np.ndarray, objects: int) -> np.ndarray:
+    """Pixels of every object, int64 [objects], in a picture of ``Rendering.owner``."""
+    return np.bincount(owner.ravel() + 1, minlength=objects + 1)[1:]
 
 
 class Camera:
@@ -117,7 +118,7 @@ class Camera:
     def owner_pixels(self, pose: Pose | None = None) -> np.ndarray:
         """int64 [objects]: pixels of every object at a pose."""
         self._aim(pose or self.world.pose)
-        return np.bincount(self._owners().ravel() + 1, minlength=len(self._category) + 1)[1:]
+        return pixels_of(self._owners(), len(self._category))
 
     def visible_things(
         self, pose: Pose | None = None, owner_pixels: np.ndarray | None = None
@@ -176,7 +177,7 @@ class Camera:
         distance = np.linalg.norm(self.data.geom_xpos - self.data.cam_xpos[0], axis=1)
         last = (distance + self._reach)[wanted].max()
         self._gather(away | (distance - self._reach > last))
-        return np.bincount(self._owners().ravel() + 1, minlength=len(nothing) + 1)[1:]
+        return pixels_of(self._owners(), len(nothing))
 
     def _aim(self, pose: Pose) -> None:
         self._gather(self._out_of_view(self._place(pose)))
