@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
@@ -138,12 +139,21 @@ class RunningProcess:
                 continue
 
 
+LATELY: deque[Domain] = deque()
+REMEMBERED = 10
+"""A node that was killed is still seen in its domain for seconds: the last domains are kept from
+the next tests, of which ten take longer."""
+
+
 @pytest.fixture
 def ros_domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """A ROS domain that nobody else on this machine has now, set in the environment."""
-    with Domain() as number:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-        yield number
+    domain = Domain()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain.number))
+    yield domain.number
+    LATELY.append(domain)
+    if len(LATELY) > REMEMBERED:
+        LATELY.popleft().release()
 
 
 @pytest.fixture
