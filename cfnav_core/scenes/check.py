@@ -47,7 +47,7 @@ def check_room(
         The scene, if it can be opened, and what is wrong.
     """
     path = room_folder(folder, kind, seed)
-    again = f"remove {path} and run cfnav rooms make again"
+    again = f"remove {path} and run cfnav rooms make (or rooms boxes) again"
     lines: list[str] = []
     try:
         lines += check_sums(path, {} if quick else read_head(path)["sha256"], again)

@@ -45,7 +45,7 @@ ARRAYS = (
 )  # fmt: skip
 
 _HEAD = ("name", "room_type", "perception", "source", "states", "objects", "goals", "sha256")
-_AGAIN = "make it again with cfnav rooms make"
+_AGAIN = "make it again (cfnav rooms make, or rooms boxes where it has sightings)"
 
 
 class SceneError(ValueError):

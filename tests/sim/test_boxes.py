@@ -147,10 +147,11 @@ def test_each_room_has_one_way_of_the_three_where_they_are_mixed(tmp_path: Path)
 
 def test_the_boxes_of_a_scene_are_those_of_their_version(faultless: Path, tmp_path: Path) -> None:
     """When this fails, either the change is a mistake or the version must rise."""
-    found = made(tmp_path, errors=faultless, distance="lidar").detections.astype(float)
-    about = [np.count_nonzero(found[..., 0]), *found.sum((0, 1))]
+    scene = made(tmp_path, errors=faultless, distance="lidar")
+    found, features = scene.detections.astype(float), scene.features.astype(float)
+    about = [np.count_nonzero(found[..., 0]), *found.sum((0, 1)), features.sum()]
     assert boxes.BOXES_VERSION == 4
-    expected = [560, 295.37, -1.02, 101.23, 66.72, 74.38, 1043.43]
+    expected = [560, 295.37, -1.02, 101.23, 66.72, 74.38, 1043.43, 29391]
     assert about == pytest.approx(expected, rel=0.005, abs=0.05)
 
 

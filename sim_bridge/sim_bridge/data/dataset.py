@@ -34,7 +34,7 @@ from cfnav_core.task.rooms import (
 )
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.data.goals import left_out
-from sim_bridge.data.states import in_how_many, sampled_visible, unseen
+from sim_bridge.data.states import bare_scene, in_how_many, sampled_visible
 from sim_bridge.room.room import check_furniture, generate_room, room_source
 from sim_bridge.world.visual_shift import shifted
 
@@ -161,7 +161,7 @@ def _render(
     else:
         visible = sampled_visible(world, grid, look.camera, objects, states)
     source = room_source(kind, look.visual_shift)
-    return unseen(world, grid, look.camera, source, objects, visible), pictures
+    return bare_scene(world, grid, look.camera, source, objects, visible), pictures
 
 
 def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int:

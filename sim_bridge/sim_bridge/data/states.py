@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sim_bridge.world.world import World
 
 
-def unseen(
+def bare_scene(
     world: World, grid: StateGrid, camera: CameraSetUp, source: str, objects: Sequence[str],
     visible: np.ndarray,
 ) -> OfflineScene:  # fmt: skip
@@ -53,10 +53,10 @@ def sampled_visible(
 
     with Camera(world, camera) as look:
         seen = [look.visible_categories(grid.pose(int(state))) for state in states]
-    return columns_of(objects, np.stack(seen))
+    return _columns_of(objects, np.stack(seen))
 
 
-def columns_of(objects: Sequence[str], visible: np.ndarray) -> np.ndarray:
+def _columns_of(objects: Sequence[str], visible: np.ndarray) -> np.ndarray:
     """Columns of named objects, from bool [..., categories]; one that no room has is never seen."""
     out = np.zeros((*visible.shape[:-1], len(objects)), bool)
     for column, name in enumerate(objects):

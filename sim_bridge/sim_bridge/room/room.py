@@ -149,6 +149,7 @@ def room_of(name: str, source: str) -> Room:
     if made != today:
         raise ValueError(
             f"found a scene of {name} made by another version ({made}, today's is {today}); make "
-            f"it again with cfnav rooms make --rooms {name}"
+            "it again (cfnav rooms make, or rooms boxes where it has sightings) with "
+            f"--rooms {name}"
         )
     return generate_room(kind, seed)

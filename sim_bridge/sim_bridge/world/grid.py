@@ -121,8 +121,8 @@ def remade(scene: OfflineScene) -> tuple[World, StateGrid]:
     grid = state_grid(world, set_up.horizons)
     if not np.array_equal(grid.next_state, scene.next_state):
         raise ValueError(
-            f"found a scene of {scene.name} made by another version; make it again with "
-            f"cfnav rooms make --rooms {scene.name}"
+            f"found a scene of {scene.name} made by another version; make it again "
+            f"(cfnav rooms make, or rooms boxes where it has sightings) with --rooms {scene.name}"
         )
     return world, grid
 
