@@ -6,6 +6,7 @@ import os
 import sys
 from collections import defaultdict
 
+import numpy as np
 from cfnav_interfaces.msg import FaultStatus, GroundTruth
 from cfnav_interfaces.srv import EndEpisode, SetFault, StartEpisode
 from geometry_msgs.msg import Twist, TwistStamped
@@ -15,6 +16,8 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, LaserScan
+from sim_bridge.room.room import generate_room, parse_room
+from sim_bridge.world.world import HULL_RADIUS, World
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
@@ -182,3 +185,14 @@ class Listener(OwnNode):
         answer = client.call_async(request)
         self.wait(answer.done, "the answer")
         return answer.result()
+
+
+def before_a_wall():
+    """A free pose that looks at a wall or a piece of furniture 0.63 m ahead of the hull."""
+    world = World(generate_room(*parse_room(ROOM)))
+    for x in np.arange(world.room.width - HULL_RADIUS, 0.5, -0.01):
+        for y in np.arange(0.4, world.room.depth - 0.4, 0.1):
+            ahead = world.free(x + 0.03, y)
+            if not ahead and world.sweep_free((x, y), (x - 0.6, y)):
+                return float(x) - 0.6, float(y), 0.0
+    raise AssertionError("no wall found")

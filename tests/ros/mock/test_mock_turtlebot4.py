@@ -13,23 +13,23 @@ pytestmark = pytest.mark.ros
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: 'make setup'")
 
-from cfnav_interfaces.srv import EndEpisode, StartEpisode  # noqa: E402
+from cfnav_interfaces.srv import StartEpisode  # noqa: E402
 from cfnav_ros.process.domains import Domain  # noqa: E402
 from irobot_create_msgs.msg import HazardDetection, HazardDetectionVector  # noqa: E402
 from irobot_create_msgs.srv import EStop  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sim_bridge.room.room import generate_room, parse_room  # noqa: E402
 from sim_bridge.world.camera import Camera  # noqa: E402
-from sim_bridge.world.world import HULL_RADIUS, Pose, World  # noqa: E402
+from sim_bridge.world.world import Pose, World  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 from std_srvs.srv import Empty, Trigger  # noqa: E402
 
 from tests.ros.mock_listener import (  # noqa: E402
     LATCHED,
-    OTHER_ROOM,
     ROOM,
     TOPICS,
     Listener,
+    before_a_wall,
     seconds,
     start_mock,
 )
@@ -43,21 +43,9 @@ def domain():
         yield number
 
 
-def before_a_wall():
-    """A free pose that looks at a wall or a piece of furniture 3 cm ahead of the hull."""
-    world = World(generate_room(*parse_room(ROOM)))
-    for x in np.arange(world.room.width - HULL_RADIUS, 0.5, -0.01):
-        for y in np.arange(0.4, world.room.depth - 0.4, 0.1):
-            ahead = world.free(x + 0.03, y)
-            if not ahead and world.sweep_free((x, y), (x - 0.6, y)):
-                return float(x), float(y), 0.0
-    raise AssertionError("no wall found")
-
-
 @pytest.fixture(scope="module")
 def start():
-    x, y, yaw = before_a_wall()
-    return x - 0.6, y, yaw
+    return before_a_wall()
 
 
 @pytest.fixture(scope="module")
@@ -338,79 +326,3 @@ def test_base_tells_of_dock_battery_and_gyroscope(robot):
         2 * math.atan2(*(getattr(robot.last("odom").pose.pose.orientation, k) for k in "zw")),
         abs=0.01,
     )
-
-
-def test_episode_of_its_own_room_and_of_another(robot):
-    for room in (ROOM, OTHER_ROOM):
-        for goal in generate_room(*parse_room(room)).goals:
-            answer = robot.call(StartEpisode, room=room, goal=goal, seed=3)
-            if answer.ok:
-                break
-        assert answer.ok, answer.message
-        assert answer.shortest_actions >= 6
-
-        at = (room, goal)
-        robot.wait(lambda at=at: (robot.truth.room, robot.truth.goal) == at, "the episode")
-        truth = robot.truth
-        assert (truth.collisions, truth.goal_visible) == (0, False)
-        assert (truth.x, truth.y) == pytest.approx((answer.x, answer.y), abs=1e-3)
-        assert truth.shortest_path == pytest.approx(answer.shortest_path)
-        turned = robot.now() + 1.0
-        robot.drive(0.0, 1.0, lambda t=turned: robot.now() > t, "a turn")
-        account = robot.call(EndEpisode)
-        assert account.ok
-        assert account.path_length == pytest.approx(0.0, abs=0.01)
-        assert account.shortest_path == pytest.approx(answer.shortest_path)
-    robot.wait(lambda: len(robot.heard["ground_truth/map"]) == 2, "the other room's map")
-    answer = robot.call(EndEpisode)
-    assert not answer.ok
-    assert "No episode runs" in answer.message
-
-
-def test_start_at_a_pose_with_and_without_a_goal(robot, start):
-    goal = generate_room(*parse_room(ROOM)).goals[0]
-    for wanted in ("", goal):
-        answer = robot.call(StartEpisode, room=ROOM, goal=wanted, seed=3, start=start)
-        assert answer.ok, answer.message
-        assert (answer.x, answer.y, answer.yaw) == pytest.approx(start)
-        assert bool(answer.shortest_actions) == bool(wanted)
-
-        def begun(wanted=wanted):
-            truth = robot.truth
-            pose = (truth.x, truth.y, truth.yaw)
-            return truth.goal == wanted and pose == pytest.approx(start, abs=1e-3)
-
-        robot.wait(begun, "the start of the episode")
-        assert robot.truth.collisions == 0
-    assert robot.call(EndEpisode).ok
-
-
-def test_truth_tells_velocity_and_standstill(robot, start):
-    assert robot.call(StartEpisode, room=ROOM, start=start).ok
-    robot.drive(0.0, 0.5, lambda: robot.truth.w > 0.45, "a turn")
-    assert robot.truth.still_since == 0.0
-    robot.wait_rest()
-    truth = robot.truth
-    assert (truth.v, truth.w) == pytest.approx((0.0, 0.0), abs=0.01)
-    turning = [m for m in robot.heard["ground_truth/state"] if abs(m.w) > 0.05]
-    assert seconds(turning[-1].header.stamp) < truth.still_since <= seconds(truth.header.stamp)
-
-
-@pytest.mark.parametrize(
-    ("room", "goal", "pose", "words"),
-    [
-        (OTHER_ROOM, "Television", [], "it has"),
-        ("cellar:1", "Mug", [], "kitchen"),
-        (ROOM, "", [], "'' is no known category"),
-        (ROOM, "", [1.0, 1.0], "expected [x, y, yaw]"),
-        (OTHER_ROOM, "", [0.0, 0.0, 0.0], "is not free"),
-        (ROOM, "", [math.nan, 1.0, 0.0], "expected [x, y, yaw]"),
-    ],
-)
-def test_episode_that_cannot_start_says_why(robot, room, goal, pose, words):
-    before = robot.truth
-    answer = robot.call(StartEpisode, room=room, goal=goal, seed=3, start=pose)
-    assert not answer.ok
-    assert words in answer.message
-    robot.wait(lambda: robot.truth is not before, "the next state")
-    assert robot.truth.room == before.room
