@@ -75,7 +75,8 @@ class Robot:
         self.bumping, self.bump_told = False, None
         self.encoding, self.silent, self.count = "bgr8", set(), 0
         self.focal = 0.0  # pixels; 0 says nothing of the camera
-        self.lock_step, self.free, self.answered, self.newest = lock_step, True, None, {}
+        self.lock_step, self.free, self.newest = lock_step, True, {}
+        self.answered = self.heard = None  # the newest moment with an answer, idle ones in heard
         self.damage, self.skew = {}, 0.0  # functions on messages; seconds that stamps are behind
         self.commands, self.pictures, self.feedback, self.frames = [], {}, [], set()
         self.decisions, self.statuses = [], []
@@ -125,8 +126,9 @@ class Robot:
         self.tilt = message.data
 
     def _on_done(self, done):
+        self.heard = stamp_to_ns(done.stamp)
         if not done.idle:
-            self.answered = stamp_to_ns(done.stamp)
+            self.answered = self.heard
             # Triggered, not called: the velocity that was sent before it is taken in first.
             self.go_on.trigger()
 
@@ -134,12 +136,17 @@ class Robot:
         self.free |= self.answered == self.clock
 
     def put_back(self):
-        """Begin anew, as at the start, with a new moment."""
+        """Begin anew, as at the start, with a new moment that the node has heard of.
+
+        A goal sent before that would begin at the moment before.
+        """
+        before = self.clock
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.count, self.newest = 0, {}
         self.commands.clear()
         self.decisions.clear()
         self.free = True
+        self.wait(lambda: before != self.clock == self.heard, "the new moment to be heard of")
 
     def stamp(self):
         now = self.node.get_clock().now().nanoseconds if self.clock is None else self.clock

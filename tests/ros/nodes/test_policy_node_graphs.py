@@ -30,7 +30,6 @@ def listened_to(robot):
     robot.wait(lambda: all(p.get_subscription_count() for p in needed), "the node to listen")
     robot.wait(lambda: not robot.free, "the robot to stand at a moment")
     robot.put_back()
-    robot.wait(lambda: not robot.free, "the robot to stand at the first moment")
 
 
 def test_episodes_in_lock_step_repeat_themselves(graph, make_bundle):
@@ -42,7 +41,6 @@ def test_episodes_in_lock_step_repeat_themselves(graph, make_bundle):
     for _ in range(2):
         robot.wait(lambda: not robot.free, "the robot to stand at a moment")
         robot.put_back()
-        robot.wait(lambda: not robot.free, "the robot to stand at the first moment")
         stood = robot.clock
         _, result = robot.result(robot.send()[1])
         assert (result.outcome, result.steps) == ("done", 6), result.message
