@@ -140,7 +140,7 @@ def test_views_are_made_again_when_they_are_others_or_fewer(tmp_path, capsys):
 
 
 def test_views_carry_consistent_labels(tmp_path):
-    render_views("kitchen", 1000, tmp_path, 20, Look(MAST, tmp_path))
+    render_views("kitchen", 1000, tmp_path, Look(MAST, tmp_path), 20)
     views = PictureSet.load(tmp_path / "kitchen_01000")
     assert views.heat.shape == (20, 19, 19, len(CATEGORIES))
     shown, near = (pixels.astype(int).sum((1, 2)) for pixels in (views.heat, views.near))

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from cfnav_core.command import need
@@ -36,12 +33,13 @@ from cfnav_core.scenes.scene import OfflineScene, SceneError
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.pinhole import Pinhole
-from cfnav_core.task.rooms import parse_rooms, room_folder
+from cfnav_core.task.rooms import room_folder
 from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.data.asked import Furniture, Rooms, asked_for, made_of_each
 from sim_bridge.data.goals import left_out
 from sim_bridge.data.states import bare_scene, in_how_many
 from sim_bridge.robot.noise import Noise, NoiseLevels
-from sim_bridge.room.room import check_furniture, generate_room, room_source
+from sim_bridge.room.room import generate_room, room_source
 
 BOXES_VERSION = 4
 """Rises when the same scene gets other boxes or features; a test holds it."""
@@ -63,13 +61,15 @@ SECTOR = 4
 
 @dataclass(frozen=True)
 class BoxOptions:
-    """Make scenes of a detector's boxes, from which a policy learns that needs no more."""
+    """Make scenes of a detector's boxes, from which a policy learns that needs no more.
+
+    Without --rooms of data2:train.
+    """
 
     out: Path
     """Folder that gets one sub-folder for each room."""
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; data2:train when absent.
-    sweet_home.TYPE and sweet_home.SPLIT name a furniture, too."""
+    rooms: Rooms = field(default_factory=list)
+    furniture: Furniture = "built_in"
     camera: str = "stock_wide"
     """Whose view: mast, stock_wide, stock_preview, lite, or a JSON file like a scene's camera."""
     errors: Path = SHIPPED
@@ -206,16 +206,10 @@ def run(options: BoxOptions) -> None:
 
     ErrorModel.load(options.errors)
     CameraSetUp.read(options.camera)
-    rooms = parse_rooms(options.rooms or ["data2:train"])
-    check_furniture(kind for kind, _ in rooms)
+    rooms = asked_for(options.rooms or ["data2:train"], options.furniture)
     todo = [room for room in rooms if not _there(*room, options)]
-    with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
-        jobs = [pool.submit(box_scene, *room, options) for room in todo]
-        try:
-            for job in tqdm(as_completed(jobs), total=len(jobs), unit="room"):
-                job.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    made = made_of_each(box_scene, todo, options, processes=options.processes)
+    for _ in tqdm(made, total=len(todo), unit="room"):
+        pass
     print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
     print(left_out([in_how_many(OfflineScene.load(room_folder(options.out, *r))) for r in rooms]))

@@ -8,15 +8,11 @@ perception. Rooms already in DIR are kept, so an interrupted run goes on where i
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Literal
 
 import cv2
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from cfnav_core.command import need, run_options
@@ -26,16 +22,12 @@ from cfnav_core.perception.picture_set import FIELDS, PictureSet
 from cfnav_core.perception.sight import CELL, Sight
 from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_files, read_head
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import (
-    BUILT_IN,
-    SWEET_HOME,
-    parse_rooms,
-    room_folder,
-)
+from cfnav_core.task.rooms import room_folder
 from cfnav_core.task.vocabulary import CATEGORIES
+from sim_bridge.data.asked import Furniture, Rooms, asked_for, made_of_each
 from sim_bridge.data.goals import left_out
 from sim_bridge.data.states import bare_scene, in_how_many, sampled_visible
-from sim_bridge.room.room import check_furniture, generate_room, room_source
+from sim_bridge.room.room import generate_room, room_source
 from sim_bridge.world.visual_shift import shifted
 
 BATCH = 64
@@ -43,13 +35,15 @@ BATCH = 64
 
 @dataclass(frozen=True)
 class RoomOptions:
-    """Render rooms into offline scenes or labelled pictures."""
+    """Render rooms into offline scenes or labelled pictures.
 
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed; the 120
-    rooms of all splits when absent. sweet_home.TYPE and sweet_home.SPLIT name a furniture, too."""
+    Without --rooms the 120 of data2.
+    """
+
+    rooms: Rooms = field(default_factory=list)
     out: Path = Path("out/scenes")
     """Folder that gets one sub-folder for each room."""
+    furniture: Furniture = "built_in"
     perception: Path | None = None
     """perception.onnx; when absent that which comes with cfnav for the camera."""
     keep_pictures: bool = False
@@ -64,10 +58,6 @@ class RoomOptions:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
-    furniture: Literal["built_in", "sweet_home", "both", "cc0", "varied"] = "built_in"
-    """Of rooms that name none: our own, models of the Debian package sweethome3d-furniture, or a
-    room of each of these; cc0: the few of its models that come with cfnav; varied: the package's in
-    other paint and proportions, from which perception learns shapes."""
 
     def run_command(self) -> None:
         """Render."""
@@ -164,7 +154,7 @@ def _render(
     return bare_scene(world, grid, look.camera, source, objects, visible), pictures
 
 
-def render_views(kind: str, seed: int, out: Path, views: int, look: Look) -> int:
+def render_views(kind: str, seed: int, out: Path, look: Look, views: int) -> int:
     """Render random states of a room with labels; returns their number."""
     from sim_bridge.world.camera import Camera, pixels_of
     from sim_bridge.world.grid import state_grid
@@ -268,10 +258,7 @@ def run(options: RoomOptions) -> None:
         raise ValueError(
             f"found --visual-shift {options.visual_shift}, expected a number from 0 to 1"
         )
-    both = options.furniture == "both"
-    furniture = (BUILT_IN, SWEET_HOME) if both else (options.furniture,)
-    rooms = parse_rooms(options.rooms or ["data2"], furniture)
-    check_furniture(kind for kind, _ in rooms)
+    rooms = asked_for(options.rooms or ["data2"], options.furniture)
     need("mujoco")
     from sim_bridge.world import gl  # noqa: F401  (fails here, once, when nothing can draw)
 
@@ -287,35 +274,19 @@ def run(options: RoomOptions) -> None:
             "knows these pictures nobody measured"
         )
     todo = [r for r in rooms if not _finished(*r, options, look)]
-    with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
-        jobs = {
-            pool.submit(render_views, *room, options.out, options.views, look)
-            if options.views
-            else pool.submit(render_scene, *room, options.out, look): room
-            for room in todo
-        }
-        bar = tqdm(as_completed(jobs), total=len(jobs), unit="room", mininterval=2.0)
-        states = 0
-        try:
-            for job in bar:
-                states += _result(job, jobs[job])
-                bar.set_postfix_str(f"{states} states")
-        except BaseException:
-            # rooms in work are finished and kept, the others not begun
-            pool.shutdown(cancel_futures=True)
-            raise
+    views = (options.views,) if options.views else ()
+    made = made_of_each(
+        render_views if views else render_scene, todo, options.out, look, *views,
+        processes=options.processes,
+    )  # fmt: skip
+    states, bar = 0, tqdm(made, total=len(todo), unit="room", mininterval=2.0)
+    for count in bar:
+        states += count
+        bar.set_postfix_str(f"{states} states")
     print(f"{len(rooms)} rooms in {options.out} ({len(rooms) - len(todo)} were there already)")
     if not options.views:
         scenes = [OfflineScene.load(room_folder(options.out, *room)) for room in rooms]
         print(left_out([in_how_many(scene) for scene in scenes]))
-
-
-def _result(job: Future[int], room: tuple[str, int]) -> int:
-    try:
-        return job.result()
-    except Exception as error:
-        kind, seed = room
-        raise ValueError(f"room {kind}:{seed} could not be rendered: {error}") from error
 
 
 def main() -> int:

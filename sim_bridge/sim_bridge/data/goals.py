@@ -14,8 +14,8 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.task.camera import CAMERAS, CameraSetUp
-from cfnav_core.task.rooms import parse_rooms
 from cfnav_core.task.visibility import MIN_GOAL_STATES, VISIBLE_DISTANCE_M
+from sim_bridge.data.asked import Furniture, Rooms, asked_for
 
 Sightings = Mapping[str, int]
 """In how many states each thing of a room that can be a goal is visible."""
@@ -25,8 +25,8 @@ Sightings = Mapping[str, int]
 class GoalOptions:
     """Count the goals that rooms offer to cameras, without making their scenes."""
 
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed."""
+    rooms: Rooms = field(default_factory=list)
+    furniture: Furniture = "built_in"
     camera: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
     """Whose view: mast, stock_wide, stock_preview, lite, or a JSON file like a scene's camera,
     given as often as needed; all that have names when absent."""
@@ -37,15 +37,12 @@ class GoalOptions:
         Raises:
             ValueError: there are no such rooms or cameras.
         """
-        from sim_bridge.room.room import check_furniture, generate_room
+        from sim_bridge.room.room import generate_room
         from sim_bridge.world.camera import Camera
         from sim_bridge.world.grid import sightings, state_grid
         from sim_bridge.world.world import World
 
-        rooms = parse_rooms(self.rooms)
-        if not rooms:
-            raise ValueError("found no rooms; say which, for example --rooms kitchen:20-23")
-        check_furniture(kind for kind, _ in rooms)
+        rooms = asked_for(self.rooms, self.furniture)
         cameras = {name: CameraSetUp.read(name) for name in self.camera or CAMERAS}
         found: dict[str, list[Sightings]] = {name: [] for name in cameras}
         for kind, seed in tqdm(rooms, unit="room", mininterval=2.0):

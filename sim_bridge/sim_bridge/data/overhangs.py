@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Annotated
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from cfnav_core.scenes.scene import HEADINGS
 from cfnav_core.task.actions import STEP_M, Action
-from cfnav_core.task.rooms import parse_rooms
+from sim_bridge.data.asked import Furniture, Rooms, asked_for
 from sim_bridge.room.room import Room, generate_room
 from sim_bridge.world.grid import DIRECTIONS, state_grid
 from sim_bridge.world.world import World, crosses_plane
@@ -28,8 +26,8 @@ from sim_bridge.world.world import World, crosses_plane
 class OverhangOptions:
     """Count the collisions that no scan of the LiDAR's plane can foresee."""
 
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED or TYPE:FIRST-LAST, given as often as needed."""
+    rooms: Rooms = field(default_factory=list)
+    furniture: Furniture = "built_in"
 
     def run_command(self) -> None:
         """Count and print.
@@ -37,9 +35,7 @@ class OverhangOptions:
         Raises:
             ValueError: there are no such rooms.
         """
-        rooms = parse_rooms(self.rooms)
-        if not rooms:
-            raise ValueError("found no rooms; say which, for example --rooms kitchen:20-29")
+        rooms = asked_for(self.rooms, self.furniture)
         moves, unseen, with_some = (Counter[str]() for _ in range(3))
         for kind, seed in tqdm(rooms, unit="room", mininterval=2.0):
             found = blocked_moves(generate_room(kind, seed))

@@ -11,18 +11,16 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from cfnav_core.task.actions import STEP_M
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import parse_rooms
+from sim_bridge.data.asked import Furniture, Rooms, asked_for
 from sim_bridge.data.pages import labelled, on_pages, write_pages
-from sim_bridge.room.room import Room, check_furniture, generate_room
+from sim_bridge.room.room import Room, generate_room
 from sim_bridge.room.shell import WALL_HEIGHT
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.world import Pose, World
@@ -41,8 +39,8 @@ class ShowOptions:
 
     out: Path
     """Folder for the pages."""
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as needed."""
+    rooms: Rooms = field(default_factory=list)
+    furniture: Furniture = "built_in"
     views: int = 4
     """Pictures of each room beside the one from above."""
     camera: str = "mast"
@@ -59,15 +57,12 @@ class ShowOptions:
             ValueError: there are no such rooms, or a number makes no sense.
             OSError: a file cannot be written.
         """
-        rooms = parse_rooms(self.rooms)
-        if not rooms:
-            raise ValueError("found no rooms; say which, for example --rooms kitchen:20-23")
+        rooms = asked_for(self.rooms, self.furniture)
         for name, value, most in (
             ("views", self.views, TRIED), ("side", self.side, 1080), ("rows", self.rows, 100)
         ):  # fmt: skip
             if not 1 <= value <= most:
                 raise ValueError(f"found --{name} {value}, expected 1 to {most}")
-        check_furniture(kind for kind, _ in rooms)
         camera = CameraSetUp.read(self.camera)
         tiles = (
             tile

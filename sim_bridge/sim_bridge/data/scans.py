@@ -1,7 +1,8 @@
 """The LiDAR in every state: ``cfnav rooms scan SCENES --rooms data2:test``.
 
-Writes ``scans.npy`` beside each scene that ``cfnav rooms make`` made: float32 [P, 8, 1080],
-metres, as the driver publishes a turn at each position and heading, with the simulator's noise.
+Writes ``scans.npy`` beside each scene that ``cfnav rooms make`` or ``boxes`` made: float32
+[P, 8, 1080], metres, as the driver publishes a turn at each position and heading, with the
+simulator's noise.
 Rooms that this version of the simulator scanned are kept as they are.
 ``cfnav data lidar`` makes collision probabilities of them.
 """
@@ -20,7 +21,8 @@ from tqdm import tqdm
 from cfnav_core.files.provenance import made_by, sign
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.scenes.scene import HEADINGS, SCANS, OfflineScene
-from cfnav_core.task.rooms import parse_room, parse_rooms, room_folder
+from cfnav_core.task.rooms import parse_room, room_folder
+from sim_bridge.data.asked import Furniture, Rooms, asked_for
 from sim_bridge.robot.lidar_turn import standing_turn
 from sim_bridge.robot.noise import Noise, NoiseLevels
 
@@ -30,12 +32,15 @@ SCANS_VERSION = 2
 
 @dataclass(frozen=True)
 class ScanOptions:
-    """Scan every state of rooms that were rendered."""
+    """Scan every state of rooms whose scenes were made.
+
+    Without --rooms of data2:test.
+    """
 
     scenes: Annotated[Path, tyro.conf.Positional]
     """Folder of the scenes."""
-    rooms: Annotated[list[str], tyro.conf.UseAppendAction] = field(default_factory=list)
-    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; data2:test when absent."""
+    rooms: Rooms = field(default_factory=list)
+    furniture: Furniture = "built_in"
     noise: float = 1.0
     """Scale of the LiDAR's noise."""
 
@@ -81,7 +86,8 @@ def run(options: ScanOptions) -> None:
         ValueError: bad rooms, or scenes that are not there or made by another version.
         OSError: a file cannot be written.
     """
-    for kind, seed in tqdm(parse_rooms(options.rooms or ["data2:test"]), unit="room"):
+    rooms = asked_for(options.rooms or ["data2:test"], options.furniture)
+    for kind, seed in tqdm(rooms, unit="room"):
         folder = room_folder(options.scenes, kind, seed)
         path = folder / SCANS
         scene = OfflineScene.load(folder)

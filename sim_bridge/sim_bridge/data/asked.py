@@ -1,0 +1,85 @@
+"""The rooms that a command of ``cfnav rooms`` is asked for, and something made of each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from cfnav_core.task.rooms import BUILT_IN, SWEET_HOME, parse_rooms
+from sim_bridge.room.room import check_furniture
+
+Room = tuple[str, int]
+"""Kind and seed."""
+
+Rooms = Annotated[
+    list[str],
+    tyro.conf.UseAppendAction,
+    tyro.conf.arg(
+        help="TYPE:SEED, TYPE:FIRST-LAST or a split such as data2:train, given as often as "
+        "needed. sweet_home.TYPE and sweet_home.SPLIT name a furniture, too."
+    ),
+]
+
+Furniture = Annotated[
+    Literal["built_in", "sweet_home", "both", "cc0", "varied"],
+    tyro.conf.arg(
+        help="Of rooms that name none: our own, models of the Debian package "
+        "sweethome3d-furniture, or a room of each of these; cc0: the few of its models that come "
+        "with cfnav; varied: the package's in other paint and proportions, from which perception "
+        "learns shapes."
+    ),
+]
+
+
+def asked_for(rooms: Sequence[str], furniture: str) -> list[Room]:
+    """Rooms by their names, and that of their furniture where they name none.
+
+    Args:
+        rooms: as ``Rooms`` says. furniture: as ``Furniture`` says.
+
+    Raises:
+        ValueError: there are none, one is not known, or its furniture is not installed.
+    """
+    if not rooms:
+        raise ValueError("found no rooms; say which, for example --rooms kitchen:20-23")
+    found = parse_rooms(rooms, (BUILT_IN, SWEET_HOME) if furniture == "both" else (furniture,))
+    check_furniture(kind for kind, _ in found)
+    return found
+
+
+def made_of_each(
+    make: Callable[..., Any], rooms: Sequence[Room], *also: Any, processes: int
+) -> Iterator[Any]:
+    """What a function makes of each room, in several processes, as soon as it is there.
+
+    Of a run that is stopped, rooms in work are finished and the others not begun.
+
+    Args:
+        make: called with a room's kind and seed, and ``also``.
+        rooms: each of them. processes: of them at the same time, 1 or more.
+
+    Raises:
+        ValueError: one cannot be made (named in the message), or there are no processes.
+    """
+    if processes < 1:
+        raise ValueError(f"found --processes {processes}, expected 1 or more")
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        jobs = {pool.submit(make, *room, *also): room for room in rooms}
+        try:
+            for job in as_completed(jobs):
+                yield _result(job, jobs[job])
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _result(job: Future[Any], room: Room) -> Any:
+    try:
+        return job.result()
+    except Exception as error:
+        kind, seed = room
+        raise ValueError(f"room {kind}:{seed} could not be made: {error}") from error
