@@ -43,7 +43,6 @@ class RoomOptions:
     rooms: Rooms = field(default_factory=list)
     out: Path = Path("out/scenes")
     """Folder that gets one sub-folder for each room."""
-    furniture: Furniture = "built_in"
     perception: Path | None = None
     """perception.onnx; when absent that which comes with cfnav for the camera."""
     keep_pictures: bool = False
@@ -58,6 +57,7 @@ class RoomOptions:
     """Random views a room instead of every state, for training perception."""
     processes: int = 2
     """Rooms rendered at the same time."""
+    furniture: Furniture = "built_in"
 
     def run_command(self) -> None:
         """Render."""
