@@ -68,7 +68,7 @@ def _eyes(head: BundleHead) -> str:
     return (
         "an object detector on a camera whose field of view is known, and a LiDAR. It reads names, "
         "directions and distances of boxes and no picture, and remembers where each was; it learnt "
-        f"from a camera{_seen_by(head.camera)}"
+        + (f"from a camera{_seen_by(head.camera)}" if head.camera else "from several cameras")
     )
 
 

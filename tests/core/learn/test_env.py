@@ -12,6 +12,8 @@ import torch
 from cfnav_core.learn.env import ObjectNavEnv, SceneBank
 from cfnav_core.scenes.scene import SceneError
 from cfnav_core.task.actions import Action
+from cfnav_core.task.camera import CAMERAS
+from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.vocabulary import CATEGORY_ID
 from tests.core.worlds import hall
 
@@ -109,6 +111,15 @@ def test_same_seed_same_rollout(bank):
 def test_scenes_of_two_perceptions_do_not_mix():
     with pytest.raises(SceneError, match="2 kinds"):
         SceneBank([hall(), replace(hall(), perception="other")])
+
+
+def test_pictures_of_two_cameras_do_not_mix_and_what_detectors_say_does():
+    seen = [replace(hall(), camera=CAMERAS[name]) for name in ("stock_wide", "mast")]
+    with pytest.raises(SceneError, match=r"2 cameras \(66 x 40 .*, 90 x 90 .*same --camera"):
+        SceneBank(seen)
+    said = [replace(s, fields=SIGHTINGS) for s in seen]
+    assert SceneBank(said).camera is None
+    assert SceneBank(said[:1]).camera == CAMERAS["stock_wide"]
 
 
 def test_a_scene_without_a_goal_that_can_be_reached_is_named():
