@@ -23,10 +23,8 @@ from cfnav_core.learn.blocks import Blocks
 from cfnav_core.models.base import ObservationSpec
 from cfnav_core.scenes.draw import Law
 from cfnav_core.scenes.scene import OfflineScene, SceneError
-from cfnav_core.scenes.select import law_of, open_scenes, without_goals
+from cfnav_core.scenes.select import camera_of, law_of, open_scenes, without_goals
 from cfnav_core.task.actions import Action
-from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.limits import step_limit
 from cfnav_core.task.vocabulary import ROOM_TYPES
 
@@ -68,23 +66,6 @@ class Tables:
     step_limit: Tensor
 
 
-def _one_camera(scenes: Sequence[OfflineScene]) -> CameraSetUp | None:
-    """The camera that saw all scenes; None where data do not say it, or there are several.
-
-    Raises:
-        SceneError: there are several, and pictures were looked at: a network knows those of one.
-    """
-    cameras = {s.camera for s in scenes}
-    if len(cameras) == 1:
-        return scenes[0].camera
-    if any(s.fields != SIGHTINGS for s in scenes):
-        raise SceneError(
-            f"found scenes of {len(cameras)} cameras ({', '.join(sorted(map(str, cameras)))}); "
-            "make all of them with the same --camera"
-        )
-    return None
-
-
 class SceneBank:
     """Scenes joined into one table of states.
 
@@ -119,7 +100,7 @@ class SceneBank:
             )
         self.scenes, self.device = scenes, device
         self.perception, self.objects = scenes[0].perception, scenes[0].objects
-        self.camera = _one_camera(scenes)
+        self.camera = camera_of(scenes)
         self.names = [s.name for s in scenes]
         sizes = [s.num_states for s in scenes]
         self.offsets = np.cumsum([0, *sizes])

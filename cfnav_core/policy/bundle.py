@@ -89,7 +89,7 @@ class BundleHead:
         features: shape of the picture features that its networks read.
         fields: names of the columns of its detections, see ``task.detections``.
         room_types: that it knows, in the order of its input.
-        camera: that it learnt from; None where its data do not say.
+        camera: that it learnt from; None where its data do not say, or name several.
         further: those of its objects that nothing in training was (``cfnav export --also``). What
             sightings of them beside the goal's would do to it nobody knows, so one counts only
             while it is the goal.

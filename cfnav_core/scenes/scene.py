@@ -22,6 +22,7 @@ from cfnav_core.files.whole import whole, writing
 from cfnav_core.task.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.detections import Fields, fields_before_names, width
+from cfnav_core.task.rooms import AGAIN
 from cfnav_core.task.vocabulary import ROOM_TYPES
 
 HEADINGS, HORIZONS = 8, 2
@@ -45,7 +46,6 @@ ARRAYS = (
 )  # fmt: skip
 
 _HEAD = ("name", "room_type", "perception", "source", "states", "objects", "goals", "sha256")
-_AGAIN = "make it again (cfnav rooms make, or rooms boxes where it has sightings)"
 
 
 class SceneError(ValueError):
@@ -150,14 +150,14 @@ class OfflineScene:
         try:
             arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="c") for k in ARRAYS}
         except (OSError, ValueError) as error:
-            raise SceneError(f"found no readable scene in {folder} ({error}); {_AGAIN}") from error
+            raise SceneError(f"found no readable scene in {folder} ({error}); {AGAIN}") from error
         objects = tuple(head["objects"])
         arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(objects)].astype(bool)
         text = {k: head[k] for k in ("name", "room_type", "perception", "source")}
         try:
             fields, camera = _fields_and_camera(head, arrays["detections"].shape[-1])
         except ValueError as error:
-            raise SceneError(f"found no readable scene in {folder} ({error}); {_AGAIN}") from error
+            raise SceneError(f"found no readable scene in {folder} ({error}); {AGAIN}") from error
         scene = cls(
             **text, objects=objects, goals=tuple(head["goals"]), **arrays, fields=fields,
             camera=camera,
@@ -218,11 +218,11 @@ def read_head(folder: Path) -> dict[str, Any]:
         head: dict[str, Any] = json.loads(path.read_text())
         schema, missing = head.get("schema"), sorted(set(_HEAD) - head.keys())
     except (OSError, ValueError, AttributeError) as error:
-        raise SceneError(f"found no readable scene in {folder} ({error}); {_AGAIN}") from error
+        raise SceneError(f"found no readable scene in {folder} ({error}); {AGAIN}") from error
     if schema not in READABLE:
-        raise SceneError(f"found scene schema {schema} in {path}, expected {SCHEMA}; {_AGAIN}")
+        raise SceneError(f"found scene schema {schema} in {path}, expected {SCHEMA}; {AGAIN}")
     if missing:
-        raise SceneError(f"found no {', '.join(missing)} in {path}; {_AGAIN}")
+        raise SceneError(f"found no {', '.join(missing)} in {path}; {AGAIN}")
     return head
 
 

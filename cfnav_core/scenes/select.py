@@ -13,6 +13,8 @@ from cfnav_core.scenes.draw import Law, chances
 from cfnav_core.scenes.layouts import LAYOUTS
 from cfnav_core.scenes.scene import LIDAR, SCANS, OfflineScene, SceneError
 from cfnav_core.scenes.store import BUILT_IN, HEAD, StoreHead, open_store
+from cfnav_core.task.camera import CameraSetUp
+from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.rooms import SPLIT_NAMES, parse_room, parse_rooms, room_folder, rooms_in
 
 
@@ -58,6 +60,23 @@ def open_scenes(folder: Path, rooms: Sequence[str] = ()) -> list[OfflineScene]:
     if (folder / HEAD).exists():
         return open_store(folder, names)
     return [OfflineScene.load(room_folder(folder, *parse_room(name))) for name in names]
+
+
+def camera_of(scenes: Sequence[OfflineScene]) -> CameraSetUp | None:
+    """The camera that saw all scenes; None where data do not say it, or there are several.
+
+    Raises:
+        SceneError: there are several, and pictures were looked at: a network knows those of one.
+    """
+    cameras = {s.camera for s in scenes}
+    if len(cameras) == 1:
+        return scenes[0].camera
+    if any(s.fields != SIGHTINGS for s in scenes):
+        raise SceneError(
+            f"found scenes of {len(cameras)} cameras ({', '.join(sorted(map(str, cameras)))}); "
+            "make all of them with the same --camera"
+        )
+    return None
 
 
 def without_goals(scenes: Sequence[OfflineScene], goals: Sequence[str]) -> list[OfflineScene]:

@@ -36,6 +36,10 @@ kinds of which there are enough, that no other room has. Seeds from 1000 on trai
 """
 
 
+AGAIN = "make it again (cfnav rooms make, or rooms boxes where it has sightings)"
+"""What to do about a scene that is damaged or of another version."""
+
+
 def parse_room(text: str) -> tuple[str, int]:
     """Read ``type:seed``.
 

@@ -12,9 +12,6 @@ import tyro
 from cfnav_core.task.rooms import BUILT_IN, SWEET_HOME, parse_rooms
 from sim_bridge.room.room import check_furniture
 
-Room = tuple[str, int]
-"""Kind and seed."""
-
 Rooms = Annotated[
     list[str],
     tyro.conf.UseAppendAction,
@@ -35,11 +32,14 @@ Furniture = Annotated[
 ]
 
 
-def asked_for(rooms: Sequence[str], furniture: str) -> list[Room]:
+def asked_for(rooms: Sequence[str], furniture: str) -> list[tuple[str, int]]:
     """Rooms by their names, and that of their furniture where they name none.
 
     Args:
         rooms: as ``Rooms`` says. furniture: as ``Furniture`` says.
+
+    Returns:
+        Kind and seed of each.
 
     Raises:
         ValueError: there are none, one is not known, or its furniture is not installed.
@@ -52,7 +52,7 @@ def asked_for(rooms: Sequence[str], furniture: str) -> list[Room]:
 
 
 def made_of_each(
-    make: Callable[..., Any], rooms: Sequence[Room], *also: Any, processes: int
+    make: Callable[..., Any], rooms: Sequence[tuple[str, int]], *also: Any, processes: int
 ) -> Iterator[Any]:
     """What a function makes of each room, in several processes, as soon as it is there.
 
@@ -77,7 +77,7 @@ def made_of_each(
             raise
 
 
-def _result(job: Future[Any], room: Room) -> Any:
+def _result(job: Future[Any], room: tuple[str, int]) -> Any:
     try:
         return job.result()
     except Exception as error:

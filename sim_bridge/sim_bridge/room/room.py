@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfnav_core.task.rooms import (
+    AGAIN,
     BUILT_IN,
     CC0,
     SWEET_HOME,
@@ -148,8 +149,7 @@ def room_of(name: str, source: str) -> Room:
     made, today = source.partition(" shifted by ")[0], room_source(kind)
     if made != today:
         raise ValueError(
-            f"found a scene of {name} made by another version ({made}, today's is {today}); make "
-            "it again (cfnav rooms make, or rooms boxes where it has sightings) with "
-            f"--rooms {name}"
+            f"found a scene of {name} made by another version ({made}, today's is {today}); "
+            f"{AGAIN} with --rooms {name}"
         )
     return generate_room(kind, seed)

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from cfnav_core.scenes.scene import HEADINGS, OfflineScene, actions_to, metres_to
 from cfnav_core.task.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.task.camera import MAST, CameraSetUp
+from cfnav_core.task.rooms import AGAIN
 from cfnav_core.task.visibility import MIN_GOAL_STATES, VISIBLE_DISTANCE_M
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
 from sim_bridge.room.room import room_of
@@ -121,8 +122,8 @@ def remade(scene: OfflineScene) -> tuple[World, StateGrid]:
     grid = state_grid(world, set_up.horizons)
     if not np.array_equal(grid.next_state, scene.next_state):
         raise ValueError(
-            f"found a scene of {scene.name} made by another version; make it again "
-            f"(cfnav rooms make, or rooms boxes where it has sightings) with --rooms {scene.name}"
+            f"found a scene of {scene.name} made by another version; {AGAIN} with "
+            f"--rooms {scene.name}"
         )
     return world, grid
 

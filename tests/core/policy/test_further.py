@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ from cfnav_core.detect.sightings import Sighting
 from cfnav_core.learn.evaluate import evaluate
 from cfnav_core.learn.export import export_bundle
 from cfnav_core.learn.further import names_of
+from cfnav_core.learn.model_card import model_card
 from cfnav_core.models.base import Knowledge
 from cfnav_core.perception.perception import NETWORKS
 from cfnav_core.policy.bundle import BundleHead
 from cfnav_core.policy.policy import Policy
+from cfnav_core.task.camera import CAMERAS
 from cfnav_core.task.vocabulary import CATEGORIES
 from cfnav_core.words import WordError
 from tests.core.model_samples import save_fresh
@@ -40,6 +43,15 @@ def wider(checkpoint: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("export") / "boxes"
     export_bundle(checkpoint, None, out, "boxes", also=["coco", "traffic cone", "Mug"])
     return out
+
+
+def test_its_card_names_the_camera_that_it_learnt_from_or_says_that_there_were_several(
+    wider: Path,
+) -> None:
+    head = BundleHead.load(wider)
+    card = model_card(replace(head, camera=CAMERAS["stock_wide"]))
+    assert "it learnt from a camera at 0.244 m, 66 by 40 degrees" in card
+    assert "it learnt from several cameras." in model_card(replace(head, camera=None))
 
 
 @pytest.mark.parametrize("backend", ["onnx", "torch"])
