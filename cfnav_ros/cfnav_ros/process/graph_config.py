@@ -71,21 +71,12 @@ class GraphConfig:
 
     @property
     def detection(self) -> tuple[list[str], dict[str, object]]:
-        """Further nodes and parameters, where the bundle reads what a detector says.
-
-        Raises:
-            ValueError: an ONNX file is to be run in lock-step, in which nobody waits for it.
-        """
+        """Further nodes and parameters, where the bundle reads what a detector says."""
         if not BundleHead.load(self.drives).reads_sightings:
             return [], {}
         if not self.detector.endswith(".onnx"):
             known = {"detector_labels": MOCK_LABELS, "detections.labels": MOCK_LABELS}
             return [], {"detector": self.detector, **known}
-        if self.lock_step:
-            raise ValueError(
-                f"found the detector {self.detector} in lock-step, in which nobody waits for it; "
-                "choose a speed above 0 and no lock-step"
-            )
         model = Path(self.detector).resolve()
         said = {"model": model, "labels": self.labels, "detections.labels": self.labels}
         return ["detector_node"], said

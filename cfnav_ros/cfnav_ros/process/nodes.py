@@ -38,7 +38,9 @@ NODES: dict[str, NodeKind] = {
         ),
     ),
     "lidar_collision_node": NodeKind("cfnav_ros", SHARED, "it comes back"),
-    "detector_node": NodeKind("cfnav_ros", (*SHARED, "model", "labels"), "it comes back"),
+    "detector_node": NodeKind(
+        "cfnav_ros", (*SHARED, "model", "labels", "lock_step"), "it comes back"
+    ),
     "policy_node": NodeKind(
         "cfnav_ros",
         (

@@ -47,6 +47,7 @@ class DetectorParameters:
     side: int = setting(0, "of its input where its file leaves that open, pixels", 0, 4096)
     least: float = setting(LEAST, "score of what is told", 0.0, 1.0)
     threads: int = setting(1, "of ONNX Runtime", 1, 64)
+    lock_step: bool = setting(False, "a simulator waits for what is said of each picture")
 
 
 class DetectorNode(Node):
@@ -72,8 +73,10 @@ class DetectorNode(Node):
         self._publisher = publisher(self, topic)
         self._diagnostics = publisher(self, TOPICS["diagnostics"])
         picture = robot.topics["image"]
-        newest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
-        self.create_subscription(message_type(picture.type), picture.name, self._on_picture, newest)
+        heard = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
+        if given.lock_step:  # none may be lost
+            heard = QoSProfile(depth=10)
+        self.create_subscription(message_type(picture.type), picture.name, self._on_picture, heard)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._on_second, clock=steady)
         width, height = detector.size[::-1]

@@ -201,6 +201,8 @@ class Broadcast:
         stamp = to_msg.stamp(self._now)
         topics = (*SENSORS, DETECTIONS)
         image, scan, odom, said = (self._sent.get(topic, Time()) for topic in topics)
+        if DETECTIONS not in self._robot.out:
+            said = image  # a detector in a node of its own says something of every picture
         moment = Moment(stamp=stamp, image=image, scan=scan, odometry=odom, detections=said)
         publisher.publish(moment)
         return stamp, publisher.get_subscription_count()

@@ -34,6 +34,7 @@ from tests.core.detect.made import constant_network  # noqa: E402
 from tests.core.model_samples import save_fresh  # noqa: E402
 
 ROOM = "bathroom:20"
+IMAGE = "/oakd/rgb/preview/image_raw"
 LISTS = {"Sink": [Action.RotateLeft, Action.MoveAhead, Action.RotateRight, Action.Done]}
 
 
@@ -89,10 +90,14 @@ def test_it_drives_by_what_the_detector_says_and_not_when_that_means_nothing(
     assert set(stamps["/policy/decision"]) <= set(stamps["/detections"])
 
 
+@pytest.mark.parametrize("speed", [1, 0])
 def test_a_detector_of_ones_own_drives_it(
-    tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
+    speed: float, tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that sees a cup in the middle of every picture, by its name."""
+    """One that sees a cup in the middle of every picture, by its name.
+
+    In lock-step every decision is made by what it says of the newest picture then.
+    """
     for name in ("ROS_DOMAIN_ID", "ROS_LOG_DIR"):
         monkeypatch.setenv(name, os.environ.get(name, ""))
     column = np.zeros((1, 84, 1), np.float32)
@@ -102,18 +107,31 @@ def test_a_detector_of_ones_own_drives_it(
         tmp_path / "cup.onnx", {"output0": column}, (1, 3, 64, 64), varies=1e-3
     )
     config = GraphConfig(
-        ROOM, tmp_path / "logs", domain=ros_domain_id, bag=tmp_path / "bag", camera="mast",
-        bundle=make_bundle(tmp_path, LISTS, reads_sightings=True), detector=str(model),
+        ROOM, tmp_path / "logs", speed=speed, lock_step=speed == 0, domain=ros_domain_id,
+        bundle=make_bundle(tmp_path, LISTS, reads_sightings=True), camera="mast",
+        bag=tmp_path / "bag", detector=str(model),
     )  # fmt: skip
-    with pytest.raises(ValueError, match="in lock-step, in which nobody waits for it"):
-        _ = replace(config, lock_step=True).parts
     with RosGraph(config) as graph:
         assert graph.start_episode(ROOM, "Sink", 0).ok
         assert graph.run_episode(ROOM, "Sink").outcome == "done"
+    stamps: dict[str, list[int]] = {IMAGE: [], "/detections": [], "/policy/decision": []}
     with AnyReader([config.bag]) as reader:
         said = [c for c in reader.connections if c.topic == "/detections"]
         _, _, data = next(reader.messages(said))
         (one,) = reader.deserialize(data, said[0].msgtype).detections
+        for connection, _, data in reader.messages():
+            if connection.topic in stamps:
+                message = reader.deserialize(data, connection.msgtype)
+                decides = connection.topic == "/policy/decision"
+                of = message.image_stamp if decides else message.header.stamp
+                stamps[connection.topic].append(of.sec * 10**9 + of.nanosec)
+    decided = stamps["/policy/decision"]
+    assert len(decided) == len(LISTS["Sink"])
+    assert set(decided) <= set(stamps["/detections"])
+    if speed == 0:  # none was left out
+        assert {t for t in stamps[IMAGE] if min(decided) <= t <= max(decided)} <= set(
+            stamps["/detections"]
+        )
     assert one.results[0].hypothesis.class_id == "cup"
     centre = one.bbox.center.position
     assert (centre.x, centre.y, one.bbox.size_x) == pytest.approx((150, 150, 75), abs=0.1)
