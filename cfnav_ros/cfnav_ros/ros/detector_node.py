@@ -15,7 +15,6 @@ from pathlib import Path
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
 from cfnav_core.detect.detector import LEAST, OnnxDetector
@@ -27,7 +26,7 @@ from cfnav_ros.drive.picture_watch import emptiness
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.node_process import run_node
 from cfnav_ros.ros.parameters import declare, named_robot
-from cfnav_ros.ros.topics import message_type, publisher
+from cfnav_ros.ros.topics import message_type, newest_only, publisher
 
 NAME = "detector_node"
 
@@ -73,10 +72,9 @@ class DetectorNode(Node):
         self._publisher = publisher(self, topic)
         self._diagnostics = publisher(self, TOPICS["diagnostics"])
         picture = robot.topics["image"]
-        heard = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
-        if given.lock_step:  # none may be lost
-            heard = QoSProfile(depth=10)
-        self.create_subscription(message_type(picture.type), picture.name, self._on_picture, heard)
+        quality = newest_only(given.lock_step)
+        kind = message_type(picture.type)
+        self.create_subscription(kind, picture.name, self._on_picture, quality)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._on_second, clock=steady)
         width, height = detector.size[::-1]

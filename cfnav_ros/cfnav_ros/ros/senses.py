@@ -11,7 +11,7 @@ from cfnav_interfaces.msg import CollisionEstimate
 from irobot_create_msgs.msg import DockStatus, HazardDetectionVector, WheelStatus
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import (
     BatteryState,
     CameraInfo,
@@ -34,7 +34,7 @@ from cfnav_ros.drive.preflight import BaseCheck, explain_silence, relatives
 from cfnav_ros.robot.speakers import GUARDED, OneSpeaker
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.listener import Listener
-from cfnav_ros.ros.topics import message_type
+from cfnav_ros.ros.topics import message_type, newest_only
 
 
 class Senses:
@@ -68,10 +68,9 @@ class Senses:
             self.inputs = replace(self.inputs, view=DETECTIONS)
         check_size = None if self._detections else policy.check_size
         self._pictures = PictureWatch(check_size, settings.frozen_picture_time)
-        newest = qos_profile_sensor_data
-        only_newest = QoSProfile(depth=1, reliability=newest.reliability)
-        if settings.lock_step:  # nothing may be lost: the simulator waits until all has come
-            newest = only_newest = QoSProfile(depth=10)
+        only_newest = newest_only(settings.lock_step)
+        # nothing may be lost: the simulator waits until all has come
+        newest = only_newest if settings.lock_step else qos_profile_sensor_data
         self._listeners: dict[str, Listener] = {}
         """By field of ``SensorInputs``, or by the name that the thing has in ``STATUSES``."""
         view = "detections" if policy.reads_sightings else "image"

@@ -7,7 +7,12 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
 
 from cfnav_core.robot.topics import Topic
 
@@ -30,6 +35,16 @@ def quality(topic: Topic, depth: int = 0) -> QoSProfile:
         reliability=reliability.RELIABLE if topic.reliable else reliability.BEST_EFFORT,
         durability=durability.TRANSIENT_LOCAL if topic.latched else durability.VOLATILE,
     )
+
+
+def newest_only(lock_step: bool) -> QoSProfile:
+    """To listen to what is looked at: late pictures are dropped.
+
+    In lock-step none may be lost, as the simulator waits for an answer to each.
+    """
+    if lock_step:
+        return QoSProfile(depth=10)
+    return QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 
 
 def publisher(node: Node, topic: Topic) -> Publisher:

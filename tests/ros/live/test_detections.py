@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +54,19 @@ def graph(
         yield graph
 
 
+def messages(bag: Path) -> dict[str, dict[int, Any]]:
+    """Pictures, detections and decisions of a bag, by the stamp of the picture they are about."""
+    found: dict[str, dict[int, Any]] = {IMAGE: {}, "/detections": {}, "/policy/decision": {}}
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic in found:
+                message = reader.deserialize(data, connection.msgtype)
+                decides = connection.topic == "/policy/decision"
+                of = message.image_stamp if decides else message.header.stamp
+                found[connection.topic][of.sec * 10**9 + of.nanosec] = message
+    return found
+
+
 def fault(graph: RosGraph, name: str, active: bool) -> None:
     client = graph.node.create_client(SetFault, "simulator/set_fault")
     client.wait_for_service()
@@ -75,19 +89,13 @@ def test_it_drives_by_what_the_detector_says_and_not_when_that_means_nothing(
         graph.run_episode(ROOM, "Sink")
 
     graph.close(keep_bag=True)
-    stamps: dict[str, list[int]] = {"/detections": [], "/policy/decision": []}
-    with AnyReader([tmp_path / "bag"]) as reader:
-        for connection, _, data in reader.messages():
-            if connection.topic in stamps:
-                message = reader.deserialize(data, connection.msgtype)
-                decides = connection.topic == "/policy/decision"
-                of = message.image_stamp if decides else message.header.stamp
-                stamps[connection.topic].append(of.sec * 10**9 + of.nanosec)
-                if not decides and "9999" not in str(message.detections[:1]):
-                    ids = [one.results[0].hypothesis.class_id for one in message.detections]
-                    assert all(0 <= int(number) < 38 for number in ids)
-    assert len(stamps["/policy/decision"]) == len(LISTS["Sink"])
-    assert set(stamps["/policy/decision"]) <= set(stamps["/detections"])
+    said = messages(tmp_path / "bag")
+    for message in said["/detections"].values():
+        if "9999" not in str(message.detections[:1]):
+            ids = [one.results[0].hypothesis.class_id for one in message.detections]
+            assert all(0 <= int(number) < 38 for number in ids)
+    assert len(said["/policy/decision"]) == len(LISTS["Sink"])
+    assert said["/policy/decision"].keys() <= said["/detections"].keys()
 
 
 @pytest.mark.parametrize("speed", [1, 0])
@@ -114,24 +122,13 @@ def test_a_detector_of_ones_own_drives_it(
     with RosGraph(config) as graph:
         assert graph.start_episode(ROOM, "Sink", 0).ok
         assert graph.run_episode(ROOM, "Sink").outcome == "done"
-    stamps: dict[str, list[int]] = {IMAGE: [], "/detections": [], "/policy/decision": []}
-    with AnyReader([config.bag]) as reader:
-        said = [c for c in reader.connections if c.topic == "/detections"]
-        _, _, data = next(reader.messages(said))
-        (one,) = reader.deserialize(data, said[0].msgtype).detections
-        for connection, _, data in reader.messages():
-            if connection.topic in stamps:
-                message = reader.deserialize(data, connection.msgtype)
-                decides = connection.topic == "/policy/decision"
-                of = message.image_stamp if decides else message.header.stamp
-                stamps[connection.topic].append(of.sec * 10**9 + of.nanosec)
-    decided = stamps["/policy/decision"]
+    said = messages(tmp_path / "bag")
+    decided, detected = said["/policy/decision"].keys(), said["/detections"].keys()
     assert len(decided) == len(LISTS["Sink"])
-    assert set(decided) <= set(stamps["/detections"])
+    assert decided <= detected
     if speed == 0:  # none was left out
-        assert {t for t in stamps[IMAGE] if min(decided) <= t <= max(decided)} <= set(
-            stamps["/detections"]
-        )
+        assert {t for t in said[IMAGE] if min(decided) <= t <= max(decided)} <= detected
+    (one,) = said["/detections"][min(detected)].detections
     assert one.results[0].hypothesis.class_id == "cup"
     centre = one.bbox.center.position
     assert (centre.x, centre.y, one.bbox.size_x) == pytest.approx((150, 150, 75), abs=0.1)

@@ -27,7 +27,8 @@ def ended(sighted: dict[int, float], walks: list[list[int]], right: list[bool]) 
     row = scene.objects.index(scene.goals[0])
     detections = np.zeros((scene.num_states, len(scene.objects), len(SIGHTINGS)), np.float16)
     for state, far in sighted.items():
-        detections[state, row, [0, -1]] = 0.4, far
+        at = SIGHTINGS.index("confidence"), SIGHTINGS.index("distance")
+        detections[state, row, at] = 0.4, far
     bank = SceneBank([replace(scene, detections=detections, fields=SIGHTINGS)])
     these, states = np.arange(len(walks)), np.array(walks)
     trace = []
