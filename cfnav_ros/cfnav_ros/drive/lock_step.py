@@ -74,18 +74,23 @@ class LockStep:
 
     def complete(self, inputs: SensorInputs) -> bool:
         """Whether there is a moment, and all that belongs to it has arrived."""
+        return self.moment is not None and not self.missing(inputs)
+
+    def missing(self, inputs: SensorInputs) -> list[str]:
+        """What belongs to the moment and has not arrived, as fields of ``SensorInputs``."""
         moment = self.moment
         if moment is None:
-            return False
+            return []
         pairs = [
-            (seconds(inputs.frame.stamp_ns), moment.image_ns),
-            (inputs.odometry.stamp, moment.odometry_ns),
+            ("frame", seconds(inputs.frame.stamp_ns), moment.image_ns),
+            ("odometry", inputs.odometry.stamp, moment.odometry_ns),
         ]
         if self._lidar:
-            pairs.append((seconds(inputs.estimate.stamp_ns), moment.scan_ns))
+            pairs.append(("estimate", seconds(inputs.estimate.stamp_ns), moment.scan_ns))
+        left = [name for name, stamp, ns in pairs if ns and abs(stamp - seconds(ns)) >= SAME_S]
         if self._tilt and moment.odometry_ns and inputs.tilt.stamp < seconds(moment.odometry_ns):
-            return False
-        return all(not ns or abs(stamp - seconds(ns)) < SAME_S for stamp, ns in pairs)
+            left.append("tilt")
+        return left
 
     def restart(self, real: float) -> None:
         """An episode begins: its times count from the next moment that is acted on.

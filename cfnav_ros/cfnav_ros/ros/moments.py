@@ -33,7 +33,7 @@ class Moments:
         self._node = node
         self._lock_step = LockStep(settings.episode.lidar, settings.episode.has_tilt)
         self._preflight_timeout = settings.episode.preflight_timeout
-        self._begun_at = 0.0
+        self._begun_at, self._missed = 0.0, list[str]()
         moment, steady = TOPICS["moment"], Clock(clock_type=ClockType.STEADY_TIME)
         self._done = publisher(node, TOPICS["moment_done"])
         node.create_subscription(Moment, moment.name, self._on_moment, quality(moment))
@@ -57,7 +57,7 @@ class Moments:
 
     def begin(self) -> None:
         """An episode begins."""
-        self._begun_at = time.monotonic()
+        self._begun_at, self._missed = time.monotonic(), []
         self._lock_step.restart(self._begun_at)
 
     def end(self) -> None:
@@ -83,6 +83,7 @@ class Moments:
         elif step.silence(real) > self._patience(episode):
             self._give_up(episode)
         elif settled and step.lost(real):
+            self._missed = step.missing(node.senses.inputs)
             node.get_logger().warning("Messages of a moment were lost: going on without them.")
             node.velocity.send(STOP)
             self._tell(step.answer(real))
@@ -101,15 +102,22 @@ class Moments:
         node.update(episode)
         if episode.phase is Phase.THINK:
             node.update(episode)  # the answer is there: ``follow`` waited for it
+        self._missed = []
         self._tell(self._lock_step.act(time.monotonic()))
 
     def _give_up(self, episode: Episode) -> None:
         """End an episode for which the simulator's time does not go on."""
-        patience = self._patience(episode)
+        senses = self._node.senses
+        missing = self._lock_step.missing(senses.inputs) or self._missed
+        topics = ", ".join(senses.topic(name) for name in missing)
         self._node.heed_cancel(episode)
         episode.fail(
-            f"No moment of a simulator came whole for {patience:g} s: has it ended, "
-            "or is lock_step set on a robot?"
+            f"No moment of a simulator came whole for {self._patience(episode):g} s: "
+            + (
+                f"{topics} did not come, see what the sender says."
+                if topics
+                else "has it ended, or is lock_step set on a robot?"
+            )
         )
         self._node.velocity.send(STOP)
         self._node.end(episode)

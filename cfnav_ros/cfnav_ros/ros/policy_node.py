@@ -93,7 +93,7 @@ class PolicyNode(Node):
                 self._policy.name,
                 [goal for goal in self._policy.goals if not self.senses.unseen(goal)],
                 self.senses.inputs.view,
-                self.senses.view_topic,
+                self.senses.topic("frame"),
                 self.velocity.topic,
             )
         )

@@ -115,10 +115,9 @@ class Senses:
             )
         return DetectionWatch(self._settings.detections, robot)
 
-    @property
-    def view_topic(self) -> str:
-        """Resolved name of the topic of pictures or detections."""
-        return self._listeners["frame"].topic
+    def topic(self, name: str) -> str:
+        """Resolved name of the topic of a field of ``SensorInputs``; "frame" is what is seen."""
+        return self._listeners[name].topic
 
     def unseen(self, goal: str) -> str:
         """Why the detector can never see a goal, as one sentence; "" when it can or is none."""

@@ -81,7 +81,7 @@ def test_what_the_robot_has_not_is_not_missed(node):
     base = load_robot("differential")
     senses = Senses(node, POLICY, PolicyParameters.of(base), base, lambda: None)
     assert senses.unheard == {}
-    assert senses.view_topic == "/camera/image_raw"
+    assert senses.topic("frame") == "/camera/image_raw"
     mast = Senses(node, POLICY, PolicyParameters(), Robot(), lambda: None)
     assert mast.unheard["hazards"] == "/hazard_detection"
 
