@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
+from cfnav_core.detect.sightings import Sighting
 from cfnav_ros.drive.episode import Episode
-from cfnav_ros.drive.inputs import AgeLimits, SensorInputs, input_complaint, name_of, needed
+from cfnav_ros.drive.inputs import (
+    DETECTIONS,
+    AgeLimits,
+    CameraFrame,
+    SensorInputs,
+    input_complaint,
+    name_of,
+    needed,
+)
 from cfnav_ros.drive.watch import forbids
 from cfnav_ros.robot.stamps import NEVER
 
@@ -22,6 +31,9 @@ RATE_WINDOW_S = 5.0
 
 INFERENCES = 500
 """Newest inferences whose times count."""
+
+MOST_TOLD = 5
+"""Things that a row tells of."""
 
 GAP_S = 0.25
 """A larger gap between velocities is half of what makes a base stop by itself (0.5 s)."""
@@ -123,16 +135,30 @@ def input_reports(
         if not complaint and name == "frame":
             complaint = inputs.picture.fault or inputs.picture.waiting
         stamp = inputs.stamps[name]
-        yield Report(
-            name_of(name, inputs),
-            Level.ERROR if complaint else Level.OK,
-            complaint or "arrives",
-            {
-                "age_s": "never" if stamp == NEVER else f"{t - stamp:.3f}",
-                "rate_hz": f"{rates.get(name, 0.0):.1f}",
-                "limit_s": f"{getattr(limits, name):g}",
-            },
-        )
+        values = {
+            "age_s": "never" if stamp == NEVER else f"{t - stamp:.3f}",
+            "rate_hz": f"{rates.get(name, 0.0):.1f}",
+            "limit_s": f"{getattr(limits, name):g}",
+        }
+        if name == "frame" and inputs.view == DETECTIONS and not complaint:
+            values |= _detected(inputs.frame)
+        level = Level.ERROR if complaint else Level.OK
+        yield Report(name_of(name, inputs), level, complaint or "arrives", values)
+
+
+def _detected(frame: CameraFrame) -> dict[str, str]:
+    """What a detector says, and what of it counts: a wrong label or score is seen here first."""
+    seen: Sequence[Sighting] = frame.decode()
+    surest = sorted(seen, key=lambda one: -one.confidence)[:MOST_TOLD]
+    return {
+        "boxes": str(len(frame.data or ())),
+        "boxes_that_count": str(len(seen)),
+        "surest": "; ".join(
+            f"{one.name} {one.confidence:.2f}, {math.degrees(one.azimuth):.0f} deg to the right, "
+            + (f"{one.distance:.1f} m" if one.distance else "nobody knows how far")
+            for one in surest
+        ),
+    }
 
 
 def status_reports(

@@ -16,9 +16,16 @@ from cfnav_ros.drive.diagnostics import (
     input_reports,
     status_reports,
 )
-from cfnav_ros.drive.inputs import AgeLimits, PictureCheck, SensorInputs
+from cfnav_ros.drive.inputs import (
+    DETECTIONS,
+    AgeLimits,
+    CameraFrame,
+    PictureCheck,
+    SensorInputs,
+)
 from cfnav_ros.drive.preflight import BaseCheck
 
+from cfnav_core.detect.sightings import Sighting
 from cfnav_core.task.actions import Action
 from tests.ros.scripted_robot import READY, Robot, driving, episode_of
 
@@ -65,6 +72,26 @@ def test_inputs_have_ages_and_rates():
     assert (never.level, never.values["age_s"]) == (Level.ERROR, "never")
     dark = dataclasses.replace(inputs, picture=PictureCheck(waiting="It is dark."))
     assert rows(robot.t, dark)["picture"].message == "It is dark."
+
+
+def test_what_counts_of_a_detectors_boxes_is_told():
+    robot = Robot()
+    seen = (
+        Sighting("Mug", 0.4, -0.2, 0.0, 0.1, 0.1),
+        Sighting("Chair", 0.81, math.radians(12), 0.0, 0.1, 0.1, 1.34),
+    )
+    frame = CameraFrame(1, lambda every=1: seen, data=("three", "boxes", "came"))
+    given = dataclasses.replace(robot.sense(), view=DETECTIONS, frame=frame)
+    values = rows(robot.t, given)[DETECTIONS].values
+    assert "surest" not in values  # too old to count
+    now = dataclasses.replace(frame, stamp_ns=int(robot.t * 1e9))
+    given = dataclasses.replace(given, frame=now)
+    values = rows(robot.t, given)[DETECTIONS].values
+    assert (values["boxes"], values["boxes_that_count"]) == ("3", "2")
+    assert values["surest"] == (
+        "Chair 0.81, 12 deg to the right, 1.3 m; "
+        "Mug 0.40, -11 deg to the right, nobody knows how far"
+    )
 
 
 def test_what_a_base_never_told_is_said():
