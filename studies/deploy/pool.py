@@ -119,8 +119,8 @@ class _Lab:
             self._opened += 1
             logs = self._logs / str(self._opened)
             config = GraphConfig(
-                ROOM, logs, bundle=self._bundle, depth=self._part == "depth",
-                detector=str(NO_ERRORS),
+                ROOM, logs, bundle=self._bundle, detector=str(NO_ERRORS),
+                depth_down_deg=0.0 if self._part == "depth" else None,
             )  # fmt: skip
             self._rig = Rig(RosGraph(config).__enter__())
         return self._rig

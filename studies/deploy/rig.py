@@ -97,7 +97,7 @@ class Rig:
         if not answer.ok:
             raise GraphError(f"the simulator refused the start {start}: {answer.message}")
         self.graph.until(lambda: self._placed(start), PATIENCE_S, "robot at its start")
-        if self.graph.config.depth:
+        if self.graph.config.depth_down_deg is not None:
             self._count_anew()
         self.graph.until(self._sees, PATIENCE_S, "sight of the LiDAR")
         del self.truth[:-1]

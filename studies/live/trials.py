@@ -35,12 +35,13 @@ TEST_ROOMS = ",".join(
 )
 
 CONDITIONS = (
-    "bundle", "networks", "speed", "veto", "lock_step", "camera", "max_steps", "world", "detector"
+    "bundle", "networks", "speed", "veto", "lock_step", "camera", "max_steps", "world", "detector",
+    "depth_down_deg",
 )  # fmt: skip
 """What each line repeats, and what all lines of a file must share: as asked for, and the identities
 of the bundle's networks and of the simulator, which change under one name."""
 
-UNSAID = {"camera": "mast", "max_steps": 0, "detector": ""}
+UNSAID = {"camera": "mast", "max_steps": 0, "detector": "", "depth_down_deg": None}
 """What held for lines that were written before this was a condition."""
 
 
@@ -118,6 +119,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
         domain=config.domain,
         lock_step=config.lock_step,
         camera=config.camera,
+        depth_down_deg=config.depth_down_deg,
         detector=config.detector,
         labels=config.labels,
     )

@@ -34,7 +34,7 @@ def held(config: TrialsConfig, **changed: Any) -> None:
     "changed",
     [
         {"networks": "others"}, {"world": "another"}, {"max_steps": 9}, {"bundle": "elsewhere"},
-        {"veto": True},
+        {"veto": True}, {"depth_down_deg": 65.0},
     ],
 )  # fmt: skip
 def test_a_file_of_other_trials_is_refused(config: TrialsConfig, changed: dict[str, Any]) -> None:

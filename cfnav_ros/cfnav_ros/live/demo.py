@@ -73,6 +73,10 @@ class DemoConfig:
     camera: str = "mast"
     """Camera of the robot: mast, which tilts, stock_preview, stock_wide or lite, as sold, which do
     not, or a JSON file like a scene's camera."""
+    depth_down_deg: float | None = None
+    """By which a stereo camera looks down, fixed, by whose depth the LiDAR node sees what reaches
+    over the LiDAR's plane; 0: it sits where the camera does and tilts with it; not given: there is
+    none."""
     detector: str = "shipped"
     """What detects where the bundle reads what a detector says: errors of one on board, shipped or
     a file of them (python -m studies.eyes.errors), or an ONNX file that is run on the pictures."""
@@ -228,6 +232,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
             domain=config.domain,
             bag=bag,
             camera=config.camera,
+            depth_down_deg=config.depth_down_deg,
             detector=config.detector,
             labels=config.labels,
         )

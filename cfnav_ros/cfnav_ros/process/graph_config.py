@@ -28,7 +28,8 @@ class GraphConfig:
         bag: where everything is recorded; None records nothing.
         lock_step: the simulator waits for the policy, so that an episode repeats itself.
         camera: the robot's, of ``task.camera.CAMERAS`` or a JSON file; any drives.
-        depth: whether the mock also publishes the depth of a stereo camera.
+        depth_down_deg: by which a stereo camera looks down whose depth the mock publishes, too;
+            0: it sits where the camera does and tilts with it; None: there is none.
         robot: the name of one that is shipped, or its file; when None the TurtleBot 4 whose camera
             tilts or not, as this one does.
         p_hat: where the collision probability comes from, see ``EpisodeLimits``; or "true", what
@@ -50,7 +51,7 @@ class GraphConfig:
     bag: Path | None = None
     lock_step: bool = False
     camera: str = "mast"
-    depth: bool = False
+    depth_down_deg: float | None = None
     robot: str | Path | None = None
     p_hat: PHat = "lidar"
     sample_seed: int | None = None
@@ -92,7 +93,8 @@ class GraphConfig:
         detectors, detecting = self.detection
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),
-            "camera": self.camera, "depth": self.depth or None,
+            "camera": self.camera, "depth": self.depth_down_deg is not None or None,
+            "depth_down_deg": self.depth_down_deg,
             "visual_shift": float(self.visual_shift),
             "true_estimate": told or None, "lock_step": self.lock_step, "use_sim_time": True,
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,

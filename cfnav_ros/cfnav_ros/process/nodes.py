@@ -34,7 +34,7 @@ NODES: dict[str, NodeKind] = {
         "sim_bridge",
         (
             "robot", "room", "seed", "speed", "faults", "camera", "visual_shift", "true_estimate",
-            "lock_step", "depth", "detector", "detector_labels",
+            "lock_step", "depth", "depth_down_deg", "detector", "detector_labels",
         ),
     ),
     "lidar_collision_node": NodeKind("cfnav_ros", SHARED, "it comes back"),
