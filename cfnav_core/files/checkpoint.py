@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load, save_file
+from safetensors.torch import load, save
 from torch import Tensor, nn
 
 from cfnav_core.files.whole import whole, writing
@@ -31,6 +31,8 @@ def save_tensors(
 ) -> None:
     """Write named tensors, a JSON head and their checksum; the file appears only when complete.
 
+    The same content makes the same bytes.
+
     Args:
         kind: what is saved; ``load_tensors`` asks for it again.
 
@@ -42,10 +44,9 @@ def save_tensors(
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole(path) as partial:
-            try:
-                save_file(copies, partial, {"head": text, "sha256": _checksum(copies, text)})
-            except SafetensorError as error:  # its own name for what the system said
-                raise OSError(str(error)) from error
+            said = {"head": text, "sha256": _checksum(copies, text)}
+            with partial.open("wb") as file:
+                file.writelines(_in_order(save(copies, said)))
 
 
 def load_tensors(path: Path, kind: str = "run") -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -78,6 +79,19 @@ def load_tensors(path: Path, kind: str = "run") -> tuple[dict[str, Tensor], dict
             f"{kind!r} and {SCHEMA}; name another file, or train again"
         )
     return tensors, head
+
+
+def _in_order(content: bytes) -> tuple[bytes | memoryview, ...]:
+    """Parts of a safetensors file with its metadata in order, which the library shuffles.
+
+    Source: its format: the table's length, 8 bytes; the table, in JSON; numbers as in memory.
+    """
+    start = 8 + int.from_bytes(content[:8], "little")
+    table = json.loads(content[8:start])
+    table["__metadata__"] = dict(sorted(table["__metadata__"].items()))
+    ordered = json.dumps(table, separators=(",", ":")).encode()
+    ordered += b" " * (-len(ordered) % 8)  # numbers begin at a multiple of 8
+    return len(ordered).to_bytes(8, "little"), ordered, memoryview(content)[start:]
 
 
 def _checksum(tensors: dict[str, Tensor], head: str) -> str:

@@ -185,8 +185,6 @@ def _export_weights(checkpoint: Path, folder: Path) -> None:
     kept = {k: v for k, v in tensors.items() if k.split(".")[0] in WEIGHTS_OF}
     head.pop("progress", None)
     save_tensors(folder / WEIGHTS, kept, head)
-    # safetensors makes files that only their owner reads
-    shutil.copymode(folder / "policy.onnx", folder / WEIGHTS)
     _refer(folder / "policy.onnx", folder / WEIGHTS, "")
     _refer(folder / "predictor.onnx", folder / WEIGHTS, "predictor.")
 

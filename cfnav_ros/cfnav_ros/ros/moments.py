@@ -110,14 +110,14 @@ class Moments:
         senses = self._node.senses
         missing = self._lock_step.missing(senses.inputs) or self._missed
         topics = ", ".join(senses.topic(name) for name in missing)
+        patience = self._patience(episode)
         self._node.heed_cancel(episode)
         episode.fail(
-            f"No moment of a simulator came whole for {self._patience(episode):g} s: "
-            + (
-                f"{topics} did not come, see what the sender says."
-                if topics
-                else "has it ended, or is lock_step set on a robot?"
-            )
+            f"No moment of a simulator came whole for {patience:g} s, as {topics} did not come: "
+            "see what its sender says."
+            if topics
+            else f"No moment of a simulator came whole for {patience:g} s: has it ended, or is "
+            "lock_step set on a robot?"
         )
         self._node.velocity.send(STOP)
         self._node.end(episode)

@@ -60,10 +60,10 @@ def test_in_lock_step_a_simulator_that_falls_silent_ends_the_episode(graph, make
         "episode.preflight_timeout:=6.0", clock=True, lock_step=True,
     )  # fmt: skip
     listened_to(robot)
-    none = "No moment of a simulator came whole for 6 s: "
+    none = "No moment of a simulator came whole for 6 s"
     why = {
-        "moment": none + "has it ended, or is lock_step set on a robot?",
-        "estimate": none + "/collision/estimate did not come, see what the sender says.",
+        "moment": f"{none}: has it ended, or is lock_step set on a robot?",
+        "estimate": f"{none}, as /collision/estimate did not come: see what its sender says.",
     }
     for silenced, canceled in (("moment", False), ("estimate", True), ("estimate", False)):
         handle, future = robot.send()
