@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from cfnav_ros.live.plan import Trial, chosen_trials, drawn_trials, parse_list
 from cfnav_ros.live.run_folder import FolderInUseError, RunFolder
+from cfnav_ros.process.graph_config import GraphConfig
 
 from cfnav_core.files.json_lines import read_rows
 
@@ -17,6 +18,22 @@ GOALS = {"kitchen:25": ("Fridge", "Mug", "Toaster"), "bedroom:23": ("Book", "Mug
 def test_lists_are_comma_separated() -> None:
     assert parse_list(" Fridge, Mug,,") == ("Fridge", "Mug")
     assert parse_list("") == ()
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (None, {}),
+        (0.0, {"depth": True, "depth_down_deg": 0.0}),
+        (65.0, {"depth": True, "depth_down_deg": 65.0}),
+    ],
+)
+def test_the_mock_has_the_depth_camera_that_is_asked_for(
+    asked: float | None, told: dict[str, float], tmp_path: Path
+) -> None:
+    mock = GraphConfig("kitchen:25", tmp_path, depth_down_deg=asked).parts[0]
+    assert mock.executable == "mock_turtlebot4"
+    assert {k: v for k, v in mock.parameters.items() if k.startswith("depth")} == told
 
 
 def test_chosen_goals_are_sought_where_they_are_and_repeated_with_new_seeds() -> None:
