@@ -295,9 +295,6 @@ def test_only_cells_of_a_part_are_measured_on_a_robot_that_has_it(tmp_path, monk
         ("", False, {"image_silent"}), ("depth", False, {"depth_silent"}),
         ("detector", True, {"detections_silent"}),
     ]  # fmt: skip
-    for depth in (False, True):
-        mock = GraphConfig("kitchen:1", tmp_path, depth=depth).parts[0]
-        assert mock.parameters.get("depth", False) is depth
 
 
 def test_a_robot_that_is_put_down_elsewhere_forgets_what_depth_has_shown():
