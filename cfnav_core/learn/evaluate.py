@@ -117,7 +117,8 @@ def run_episodes(
         sample_seed: draw actions with this seed; argmax when None.
         p_hat: what the policy is given; one of ``task.p_hat.TESTED``.
         lidar: float32 [S], what the LiDAR node says in every state; for p_hat "lidar" or
-            "both", and for the veto.
+            "both", and for the veto. It is 1 where the episode met something before, as on the
+            robot.
         veto: a MoveAhead that the LiDAR forbids is not carried out, as on the robot.
         trace: gets what happened at each step.
 
@@ -129,9 +130,10 @@ def run_episodes(
     memory, going = networks.zero_state(n), np.arange(n)
     success, steps, collisions = np.zeros(n, bool), np.zeros(n, int), np.zeros(n, int)
     rng = np.random.default_rng(0 if sample_seed is None else sample_seed)
+    met = _Met(bank)
     while len(going):
         at, observation = walk.state.cpu().numpy(), _observation(walk)
-        said = None if lidar is None else lidar[at]
+        said = None if lidar is None else np.maximum(lidar[at], met.ahead(going, at))
         given = make_p_hat(p_hat, Known(
             zero=np.zeros(len(at), np.float32), own=partial(networks.predict, observation, memory),
             lidar=said, truth=bank.collided[at].astype(np.float32), mixed=rng.permutation,
@@ -142,6 +144,8 @@ def run_episodes(
         if trace is not None:
             trace.append(Trace(going, at, action, given))
         did = walk.step(_tensor(action, walk), _forbidden(said, walk) if veto else None)
+        touched = did.collided.cpu().numpy()
+        met.stop(going[touched], at[touched])
         ended = did.ended.cpu().numpy()
         success[going] = did.success.cpu().numpy()
         steps[going], collisions[going] = walk.steps.cpu().numpy(), walk.collisions.cpu().numpy()
@@ -153,6 +157,30 @@ def run_episodes(
         EpisodeResult(bool(s), int(c), float(d), float(best))
         for s, c, d, best in zip(success, collisions, steps, shortest, strict=True)
     ]
+
+
+class _Met:
+    """Where a MoveAhead of an episode met something: from there that way is not free.
+
+    The robot's own memory of it is ``cfnav_ros.drive.track``.
+    """
+
+    def __init__(self, bank: SceneBank) -> None:
+        heading = np.concatenate([scene.heading for scene in bank.scenes])
+        self._way = bank.place.cpu().numpy() * (int(heading.max()) + 1) + heading
+        self._ways = int(self._way.max()) + 1
+        self._stops = np.empty(0, np.int64)
+
+    def stop(self, episodes: np.ndarray, states: np.ndarray) -> None:
+        """A MoveAhead of each episode, int [N], was stopped in its state."""
+        self._stops = np.union1d(self._stops, self._key(episodes, states))
+
+    def ahead(self, episodes: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Float32 [N], 1 where one was stopped before in that place and heading, else 0."""
+        return np.isin(self._key(episodes, states), self._stops).astype(np.float32)
+
+    def _key(self, episodes: np.ndarray, states: np.ndarray) -> np.ndarray:
+        return episodes * self._ways + self._way[states]
 
 
 def _observation(walk: Walk) -> Observation:

@@ -70,7 +70,7 @@ def _decided(e: Decided):
         "cfnav_interfaces/msg/PolicyDecision", header=b.header(e.t_ns), goal=e.goal, step=e.step,
         image_stamp=b.stamp(e.image_ns), estimate_stamp=b.stamp(e.estimate_ns), action=e.action,
         action_probabilities=e.probabilities, collision_probability=e.collision_probability,
-        detection_score=e.detection_score, vetoed=e.vetoed,
+        detection_score=e.detection_score, vetoed=e.vetoed, met_before=e.met_before,
     )  # fmt: skip
 
 

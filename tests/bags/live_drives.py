@@ -112,6 +112,7 @@ class RecordedRobot(Robot):
             estimate_ns=record.estimate_stamp_ns, step=record.step, action=made.action,
             probabilities=made.probabilities, collision_probability=made.collision_probability,
             detection_score=made.detection_score, vetoed=record.vetoed,
+            met_before=record.met_before,
         )  # fmt: skip
 
 

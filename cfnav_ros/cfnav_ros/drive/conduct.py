@@ -11,13 +11,16 @@ from cfnav_ros.drive.disturbance import Standing
 from cfnav_ros.drive.inputs import SensorInputs
 from cfnav_ros.drive.lag import CLEAR_S, Lag
 from cfnav_ros.drive.limits import EpisodeLimits
-from cfnav_ros.drive.motion import Command, Motion, Status
-from cfnav_ros.drive.track import Track
+from cfnav_ros.drive.motion import Command, Motion, Odometry, Status
+from cfnav_ros.drive.track import Met, Stop, Track
 from cfnav_ros.robot.stamps import NEVER
 
 REFLEX_S = 2.0
 """A base that moves by itself so soon after a bump backs off by reflex (create3_sim: at most 0.15 m
 at 0.14 m/s); nobody pushes it."""
+
+MET = (Status.BUMPED, Status.STALLED)
+"""Ends of a MoveAhead that something stopped: the bumper says so, or the wheels turn in vain."""
 
 
 class Conduct:
@@ -25,6 +28,7 @@ class Conduct:
 
     def __init__(self, limits: EpisodeLimits) -> None:
         self.track = Track()
+        self.met = Met()
         self.pushes = 0
         self.displaced = False
         """Whether the base moved by itself since ``look``."""
@@ -77,23 +81,41 @@ class Conduct:
             return self._pushed(t)
         return ""
 
-    def end_motion(self, t: float, motion: Motion, status: Status) -> str:
-        """Keep account of motions that failed in a row; too many are the end."""
+    def end_motion(self, t: float, at: Odometry, motion: Motion, status: Status) -> str:
+        """Keep account of what was met, and of motions that failed in a row: too many are the end.
+
+        Args:
+            t: node time, seconds.
+            at: where it ended.
+            motion: that ended.
+            status: how.
+        """
         self.stands_from = t
-        limits = self._limits
-        self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
-        self._stalls = self._stalls + 1 if status is Status.STALLED else 0
-        reason = motion.reason
-        if status is Status.STALLED and (silence := self._lag.silence(t)):
+        silence, reason = self._lag.silence(t), motion.reason
+        if motion.advances and status in MET and not silence:
+            self.met.take(Stop(at, status, reason))
+        if status in (Status.STALLED, Status.LATE) and silence:
             reason = (
                 f"The base has not moved {silence:.1f} s after it was told to: its commands come "
                 "late or are lost, or it cannot move."
             )
+        if failed := self._count(status, reason):
+            return failed
+        return self._pushed(t) if status is Status.PUSHED else ""
+
+    def meet_again(self, stop: Stop) -> str:
+        """A MoveAhead that leads to a stop is not driven again, and counts as one that was."""
+        return self._count(stop.status, stop.reason)
+
+    def _count(self, status: Status, reason: str) -> str:
+        limits = self._limits
+        self._failed_motions = 0 if status is Status.SUCCEEDED else self._failed_motions + 1
+        self._stalls = self._stalls + 1 if status in (Status.STALLED, Status.LATE) else 0
         if self._stalls >= limits.max_stalls:
             return f"{self._stalls} motions failed: {reason}"
         if self._failed_motions >= limits.max_failed_motions:
             return f"{self._failed_motions} motions failed: {reason}"
-        return self._pushed(t) if status is Status.PUSHED else ""
+        return ""
 
     def _late(self, late: float, motion: Motion | None) -> str:
         reason = (
@@ -101,7 +123,7 @@ class Conduct:
             "s): its commands wait somewhere on the way, such as in its relay or in a busy network."
         )
         if motion:
-            motion.block(reason, Status.STALLED)
+            motion.block(reason, Status.LATE)
         clear = late > self._limits.command_lag + CLEAR_S
         return reason if clear or self._lag.motions >= self._limits.max_lags else ""
 

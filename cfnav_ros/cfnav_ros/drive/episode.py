@@ -20,7 +20,7 @@ from cfnav_ros.drive.limits import EpisodeLimits, with_live
 from cfnav_ros.drive.motion import Motion, Status
 from cfnav_ros.drive.own_motion import NOT_BACK, NOT_LEFT, Begin, OwnMotion
 from cfnav_ros.drive.phases import NOT_DRIVEN, Output, Phase, StepRecord
-from cfnav_ros.drive.track import Track
+from cfnav_ros.drive.track import Stop, Track
 from cfnav_ros.drive.watch import Watch
 from cfnav_ros.lidar.estimate import Verdict
 from cfnav_ros.robot.stamps import NEVER
@@ -78,6 +78,7 @@ class Episode:
         self._motion: Motion | None = None
         self._observed = SensorInputs()
         self._lidar_said: list[float] = []
+        self._met: Stop | None = None
         self._answer: Future | None = None
         self._undock, self._dock = undock, dock
         self._own: OwnMotion | None = None
@@ -284,7 +285,9 @@ class Episode:
             self.fail(str(error))
             return
         estimate = inputs.estimate.estimate
-        lidar = estimate.probability if self._limits.lidar else None
+        self._met = self._conduct.met.ahead(inputs.odometry)
+        said = max(estimate.probability, float(self._met is not None))
+        lidar = said if self._limits.lidar else None
         self._answer = self._submit(
             self._policy.act, view, lidar, self._limits.p_hat_kind, tuple(self._lidar_said)
         )
@@ -313,23 +316,28 @@ class Episode:
         self.steps += 1
         self.vetoes += vetoed
         scan_ns = seen.estimate.stamp_ns if self._limits.lidar else 0
-        record = StepRecord(self.steps, decision, seen.frame.stamp_ns, scan_ns, vetoed)
+        record = StepRecord(
+            self.steps, decision, seen.frame.stamp_ns, scan_ns, vetoed, self._met is not None
+        )
         if vetoed:
             self._enter(Phase.OBSERVE, t)
+            if self._met and decision.action is Action.MoveAhead:
+                self.fail(self._conduct.meet_again(self._met))
             return Output(record=record)
         return replace(self._execute(decision.action, t, inputs), record=record)
 
     def _vetoes(self, action: Action, inputs: SensorInputs) -> bool:
         """Whether an action needs another look instead.
 
-        The way ahead was not free when it was looked at, or is not free any more; or what the
-        action is about was seen from another place: the way, or the goal. A turn keeps to its
-        heading wherever it starts.
+        The way ahead was not free when it was looked at, or is not free any more, or something
+        was met there; or what the action is about was seen from another place: the way, or the
+        goal. A turn keeps to its heading wherever it starts.
         """
         if action not in (Action.MoveAhead, Action.Done):
             return False
         looks = (self._observed.estimate.estimate, inputs.estimate.estimate)
-        taken = action is Action.MoveAhead and any(map(self._limits.forbids, looks))
+        closed = self._limits.veto and self._met is not None
+        taken = action is Action.MoveAhead and (closed or any(map(self._limits.forbids, looks)))
         return taken or self._conduct.displaced
 
     def _execute(self, action: Action, t: float, inputs: SensorInputs) -> Output:
@@ -369,7 +377,7 @@ class Episode:
             return Output(command)
         self._motion = None
         self._enter(Phase.OBSERVE, t)
-        self.fail(self._conduct.end_motion(t, motion, status))
+        self.fail(self._conduct.end_motion(t, inputs.odometry, motion, status))
         return Output()
 
     def _guard(self, motion: Motion, inputs: SensorInputs) -> None:

@@ -46,6 +46,8 @@ class Status(Enum):
     DRIVING = "driving"
     SUCCEEDED = "succeeded"
     BLOCKED = "blocked"
+    BUMPED = "bumped"
+    LATE = "late"
     STALLED = "stalled"
     PUSHED = "pushed"
     TIMEOUT = "timeout"
@@ -246,7 +248,7 @@ class Motion:
     def bump(self) -> None:
         """The bumper was hit: a MoveAhead ends, a turn goes on (it may be the way out)."""
         if not self._side:
-            self.block("The bumper was hit.")
+            self.block("The bumper was hit.", Status.BUMPED)
 
     def block(self, reason: str, status: Status = Status.BLOCKED) -> None:
         """End the motion: something outside of it says so."""

@@ -32,13 +32,18 @@ NOT_DRIVEN = (Phase.PREFLIGHT, Phase.UNDOCK)
 
 @dataclass(frozen=True)
 class StepRecord:
-    """One decision of an episode, made but not yet executed."""
+    """One decision of an episode, made but not yet executed.
+
+    Attributes:
+        met_before: whether a MoveAhead of this drive was stopped by something in this way ahead.
+    """
 
     step: int
     decision: Decision
     image_stamp_ns: int
     estimate_stamp_ns: int
     vetoed: bool
+    met_before: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the robot did so far, from odometry and bumper: distance, bumps, whether it stands.
+"""What the robot did so far, from odometry and bumper: distance, bumps, what it met, if it stands.
 
 Pure; bag evaluation judges by ground truth instead.
 """
@@ -6,9 +6,11 @@ Pure; bag evaluation judges by ground truth instead.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+from cfnav_core.task.actions import STEP_M, TURN_RAD
 from cfnav_ros.drive.disturbance import Slip
-from cfnav_ros.drive.motion import Odometry, wrap
+from cfnav_ros.drive.motion import Odometry, Status, wrap
 
 STILL_V, STILL_W = 0.01, 0.03
 """A twist slower than this (m/s, rad/s) is standing."""
@@ -28,6 +30,10 @@ JUMP_RAD, JUMP_RAD_PER_S = math.radians(20.0), 1.9
 
 BUMP_GAP_S = 0.5
 """Contacts closer in time than this are one bump."""
+
+ASIDE_M = 0.10
+"""Half of the width of a way that is taken to be the same, metres: what was met may be as thin as
+the foot of a lamp, but is seldom narrower than this from where the robot stops again."""
 
 
 class Track:
@@ -76,6 +82,38 @@ class Track:
         return new
 
 
+@dataclass(frozen=True)
+class Stop:
+    """A MoveAhead that something stopped: where, how it ended, and one sentence on it."""
+
+    at: Odometry
+    status: Status
+    reason: str
+
+
+class Met:
+    """Remembers for one drive where something stopped a MoveAhead: that way is not free.
+
+    A LiDAR sees one plane. A table top that reaches over it stays unseen however often the robot
+    runs into it, and from the same place a policy decides the same again.
+    """
+
+    def __init__(self) -> None:
+        self._stops: list[Stop] = []
+
+    def take(self, stop: Stop) -> None:
+        """Something stopped a MoveAhead."""
+        self._stops.append(stop)
+
+    def ahead(self, at: Odometry) -> Stop | None:
+        """The stop to which a MoveAhead from this pose would lead, the newest of several.
+
+        It leads there when it passes the place within ``ASIDE_M`` with the same heading, to half
+        a turn.
+        """
+        return next((stop for stop in reversed(self._stops) if _leads_to(at, stop.at)), None)
+
+
 def jumped(before: Odometry, after: Odometry) -> bool:
     """Whether the pose moved further between two samples than a base can drive."""
     dt = max(after.stamp - before.stamp, 0.0)
@@ -91,3 +129,11 @@ def _drifts(before: Odometry | None, sample: Odometry) -> bool:
     dt = max(sample.stamp - before.stamp, MIN_DT_S)
     way = math.hypot(sample.x - before.x, sample.y - before.y)
     return way > DRIFT_V * dt or abs(wrap(sample.yaw - before.yaw)) > DRIFT_W * dt
+
+
+def _leads_to(at: Odometry, stop: Odometry) -> bool:
+    dx, dy = stop.x - at.x, stop.y - at.y
+    ahead = dx * math.cos(at.yaw) + dy * math.sin(at.yaw)
+    aside = dy * math.cos(at.yaw) - dx * math.sin(at.yaw)
+    along = -ASIDE_M <= ahead <= STEP_M and abs(aside) <= ASIDE_M
+    return along and abs(wrap(stop.yaw - at.yaw)) <= TURN_RAD / 2

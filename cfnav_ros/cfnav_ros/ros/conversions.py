@@ -227,6 +227,7 @@ def decision(
         collision_probability=float(made.collision_probability),
         detection_score=float(made.detection_score),
         vetoed=bool(record.vetoed),
+        met_before=bool(record.met_before),
     )
 
 

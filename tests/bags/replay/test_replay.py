@@ -1,6 +1,7 @@
 """A bundle over the recording of its own drive decides the same; what is missing is named."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -75,6 +76,31 @@ def test_a_drive_by_the_larger_of_lidar_and_own_is_reproduced(bundle, policy):
     assert reproduction(steps).equal == len(decisions(robot.events)) > 5
     assert all(s.p_hat >= s.p_hat_rgb for s in steps)
     assert any(s.p_hat == s.p_hat_rgb for s in steps)
+
+
+def test_what_the_wheels_met_is_known_again(bundle, policy):
+    """Neither scans nor pictures tell it: the decision does."""
+    robot = RecordedRobot(seed=4)
+    obey = robot.move
+
+    def move(command):
+        robot.slips = command.v > 0 and math.hypot(robot.x, robot.y) > 0.1
+        obey(command)
+
+    robot.move = move
+    limits = {"veto_probability": 0.99, "max_stalls": 100, "max_failed_motions": 100}
+    robot.drive(Policy.load(bundle), "Mug", max_steps=40, **limits)
+    made = decisions(robot.events)
+    assert sum(d.met_before for d in made) > 3
+    assert sum(d.met_before and d.vetoed for d in made) > 1
+    run = replay(robot.events, policy, limits=EpisodeLimits(**limits))
+    assert reproduction(run.steps).equal == len(made)
+    assert [s.would_veto for s in run.steps] == [d.vetoed for d in made]
+    forgot = [
+        dataclasses.replace(e, met_before=False) if isinstance(e, Decided) else e
+        for e in robot.events
+    ]
+    assert reproduction(replay(forgot, policy).steps).equal < len(made)
 
 
 def test_the_predictor_beside_the_lidar_is_the_one_that_would_supply(recorded, policy):

@@ -62,13 +62,51 @@ def test_a_veto_also_stops_what_would_have_been_free(bank: SceneBank) -> None:
     assert any(r.collisions for r in run_episodes(Pusher(), bank, episodes, lidar=calm, veto=True))
 
 
+def test_what_was_met_is_not_met_again_under_the_veto(bank: SceneBank) -> None:
+    """A LiDAR that sees nothing: the first touch is one, and the veto keeps from a second."""
+    episodes = Episodes.draw(bank, 20, 0)
+    blind = np.zeros(len(bank.collided), np.float32)
+    results = run_episodes(Pusher(), bank, episodes, lidar=blind, veto=True)
+    assert {r.collisions for r in results} == {1}
+
+
+class Wanderer(Pusher):
+    """Draws its actions."""
+
+    def step(self, sight, state, collision_probability):
+        pi = super().step(sight, state, collision_probability)
+        return (np.full_like(pi, 1 / 5) * (np.arange(6) != Action.Done)).astype(np.float32)
+
+
+def test_a_way_that_an_episode_met_is_told_from_its_place_and_heading_at_any_tilt() -> None:
+    bank = SceneBank([hall(), hall(4, 4, name="bedroom:3")])
+    episodes, trace = Episodes.draw(bank, 30, 0), list[Trace]()
+    lidar = np.zeros(len(bank.collided), np.float32)
+    run_episodes(Wanderer(), bank, episodes, sample_seed=0, p_hat="lidar", lidar=lidar, trace=trace)
+    place = np.concatenate([[f"{k} {p}" for p in s.position] for k, s in enumerate(bank.scenes)])
+    heading = np.concatenate([s.heading for s in bank.scenes])
+    met: set[tuple[int, str, int]] = set()
+    tilts = set()
+    for step in trace:
+        rows = zip(step.episodes, step.states, step.actions, step.p_hat, strict=True)
+        for episode, state, action, p_hat in rows:
+            way = episode, place[state], heading[state]
+            assert p_hat == (way in met)
+            if p_hat:
+                tilts.add(state % 2)
+            if action == Action.MoveAhead and bank.collided[state]:
+                met.add(way)
+    assert len(tilts) == 2
+
+
 def test_the_policy_is_given_what_the_lidar_says_where_it_is(bank: SceneBank) -> None:
     episodes, networks, trace = Episodes.draw(bank, 20, 0), Pusher(), list[Trace]()
     lidar = np.random.default_rng(0).random(len(bank.collided)).astype(np.float32)
     run_episodes(networks, bank, episodes, p_hat="lidar", lidar=lidar, trace=trace)
     assert len(networks.given) == len(trace)
     for given, step in zip(networks.given, trace, strict=True):
-        np.testing.assert_array_equal(given, lidar[step.states])
+        np.testing.assert_array_equal(given[given < 1], lidar[step.states][given < 1])
+    assert (networks.given[0] < 1).all()
 
 
 def test_the_policy_is_given_the_larger_of_lidar_and_its_own(bank: SceneBank) -> None:
@@ -77,7 +115,7 @@ def test_the_policy_is_given_the_larger_of_lidar_and_its_own(bank: SceneBank) ->
     lidar = np.random.default_rng(0).random(len(bank.collided)).astype(np.float32)
     run_episodes(networks, bank, episodes, p_hat="both", lidar=lidar, trace=trace)
     for given, step in zip(networks.given, trace, strict=True):
-        np.testing.assert_array_equal(given, lidar[step.states].clip(min=0.5))
+        np.testing.assert_array_equal(given[given < 1], lidar[step.states].clip(0.5)[given < 1])
     assert {0.5} < set(np.concatenate(networks.given))
 
 

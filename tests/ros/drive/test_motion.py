@@ -253,7 +253,7 @@ def test_block_and_bump_end_a_move_but_not_a_turn():
     base = Base()
     move = Motion(Action.MoveAhead, 0.0, base.reported, 0.0)
     move.bump()
-    assert move.update(0.05, base.reported) == (STOP, Status.BLOCKED)
+    assert move.update(0.05, base.reported) == (STOP, Status.BUMPED)
     turn = Motion(Action.RotateLeft, 0.0, base.reported, 0.0)
     turn.bump()
     assert turn.update(0.05, base.reported)[1] is Status.DRIVING

@@ -182,6 +182,7 @@ def _decided(message: Any, about: dict[str, Any]) -> Decided:
         collision_probability=message.collision_probability,
         detection_score=message.detection_score,
         vetoed=bool(message.vetoed),
+        met_before=bool(getattr(message, "met_before", False)),
         **about,
     )
 

@@ -125,6 +125,8 @@ class Decided(Event):
         collision_probability: p_hat as given to the policy.
         detection_score: 0..1.
         vetoed: decided but not executed.
+        met_before: whether a MoveAhead of the drive was stopped in this way ahead; bags recorded
+            before this was remembered do not say it.
     """
 
     goal: str
@@ -136,6 +138,7 @@ class Decided(Event):
     collision_probability: float
     detection_score: float
     vetoed: bool
+    met_before: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

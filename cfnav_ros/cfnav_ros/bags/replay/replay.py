@@ -80,6 +80,14 @@ class _Moment:
     vetoed: bool = False
     probabilities: np.ndarray | None = None
     p_hat: float | None = None
+    met_before: bool = False
+
+    @property
+    def lidar(self) -> float | None:
+        """What a policy that drives is given of the LiDAR."""
+        if self.estimate is None:
+            return None
+        return max(self.estimate.estimate.probability, float(self.met_before))
 
 
 @dataclass
@@ -256,7 +264,7 @@ class Replay:
             self._answer(_Moment(
                 decided.t_ns, decided.step, picture, detections, estimate, asked.newest,
                 decided.action, decided.vetoed, decided.probabilities,
-                decided.collision_probability,
+                decided.collision_probability, decided.met_before,
             ))  # fmt: skip
 
     def _follow_steps(self, decided: Decided) -> None:
@@ -324,7 +332,6 @@ class Replay:
             self._leave_out(moment.step, moment.t_ns, moment.driven, problem)
             return
         looks: dict[tuple[str, Crop], Perceived] = {}
-        judged = moment.estimate
         for runner in self._runners:
             if runner.refused:
                 self._refuse(runner.name, moment, runner.refused)
@@ -340,8 +347,8 @@ class Replay:
                 runner.intact = False
                 self._refuse(runner.name, moment, f"Not decided: {str(error).rstrip('.')}.")
             policy.executed(moment.driven)
-        if judged:
-            self._lidar_said.append(judged.estimate.probability)
+        if moment.lidar is not None:
+            self._lidar_said.append(moment.lidar)
 
     def _view_of(self, policy: Policy, moment: _Moment, rgb: np.ndarray | None, crop: Crop) -> View:
         """What a policy looks at.
@@ -370,10 +377,11 @@ class Replay:
         p_hat_rgb = math.nan if blind else runner.policy.predict_collision(seen)
         # a recorded decision without a scan was taken on the bundle's own
         kind = self._limits.p_hat_kind if judged else "own"
-        lidar = judged.estimate.probability if judged else None
-        decision = runner.policy.decide(seen, lidar, kind, tuple(self._lidar_said))
+        decision = runner.policy.decide(seen, moment.lidar, kind, tuple(self._lidar_said))
         looks = [j.estimate for j in (judged, moment.newest) if j] if judged else []
-        vetoed = decision.action is Action.MoveAhead and any(map(self._limits.forbids, looks))
+        closed = moment.met_before and self._limits.veto
+        taken = closed or any(map(self._limits.forbids, looks))
+        vetoed = decision.action is Action.MoveAhead and taken
         return ReplayStep(
             bag=self._bag, bundle=runner.name, driver=self._driver, drive_ns=self._drive_ns,
             goal=self._goal, step=moment.step, t_ns=moment.t_ns, until_ns=moment.t_ns,
