@@ -3,7 +3,8 @@
 Run it with ``cfnav node detector``; its parameters are those of ``DetectorParameters``. A class is
 told by its name and a box in pixels of the picture; a message bears the stamp and the frame of the
 picture that it is about. A picture of which nothing is told gets an empty message; one that cannot
-be read, or is of nothing at all (a covered lens), gets none.
+be read, is of nothing at all (a covered lens) or comes from a frozen camera gets none, so that
+whoever drives by it stops.
 """
 
 from __future__ import annotations
@@ -13,16 +14,20 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
 from cfnav_core.detect.detector import LEAST, OnnxDetector
 from cfnav_core.robot.robot import robot_setting
 from cfnav_core.robot.settings import setting
 from cfnav_core.robot.topics import DETECTIONS_2D, TOPICS
+from cfnav_ros.drive import fields
 from cfnav_ros.drive.diagnostics import Level, Rate, Report, Stopwatch
-from cfnav_ros.drive.picture_watch import emptiness
+from cfnav_ros.drive.inputs import SensorInputs, Tilt
+from cfnav_ros.drive.picture_watch import PictureWatch
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.node_process import run_node
 from cfnav_ros.ros.parameters import declare, named_robot
@@ -45,6 +50,12 @@ class DetectorParameters:
     head: str = setting("", "how its outputs are read (cfnav_core.detect.heads); empty: by itself")
     side: int = setting(0, "of its input where its file leaves that open, pixels", 0, 4096)
     least: float = setting(LEAST, "score of what is told", 0.0, 1.0)
+    frozen_picture_time: float = setting(
+        1.0,
+        "one picture under new stamps is frozen, s; 0: never, for simulators without noise",
+        0.0,
+        60.0,
+    )
     threads: int = setting(1, "of ONNX Runtime", 1, 64)
     lock_step: bool = setting(False, "a simulator waits for what is said of each picture")
 
@@ -69,12 +80,17 @@ class DetectorNode(Node):
                 f"The robot {robot.name} has boxes with places on {topic.name}, this node says "
                 "only boxes: give topics.detections another name in the robot's file."
             )
+        self._watch = PictureWatch(lambda height, width: None, given.frozen_picture_time)
+        self._odometry = SensorInputs().odometry
         self._publisher = publisher(self, topic)
         self._diagnostics = publisher(self, TOPICS["diagnostics"])
         picture = robot.topics["image"]
         quality = newest_only(given.lock_step)
         kind = message_type(picture.type)
         self.create_subscription(kind, picture.name, self._on_picture, quality)
+        self.create_subscription(
+            Odometry, robot.topics["odom"].name, self._on_odometry, qos_profile_sensor_data
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._on_second, clock=steady)
         width, height = detector.size[::-1]
@@ -84,13 +100,21 @@ class DetectorNode(Node):
             f"{self._publisher.topic_name}."
         )
 
+    def _on_odometry(self, message: Odometry) -> None:
+        """Tells whether the robot moves under a picture that stays the same."""
+        try:
+            self._odometry = fields.odometry_from_message(message)
+        except ValueError as error:
+            self.get_logger().warning(str(error), throttle_duration_sec=2.0)
+
     def _on_picture(self, message: Image | CompressedImage) -> None:
         self._rate.note(time.monotonic())
         try:
-            rgb = conversions.frame_from_message(message).decode()
-            if nothing := emptiness(rgb):
-                raise ValueError(nothing)
-            found = self._found(rgb)
+            frame = conversions.frame_from_message(message)
+            seen = self._watch.look(frame, self._odometry, Tilt())
+            if wrong := seen.fault or seen.waiting:
+                raise ValueError(wrong)
+            found = self._found(frame.decode())
         except ValueError as error:
             self._fault = str(error)
             self.get_logger().warning(self._fault, throttle_duration_sec=2.0)

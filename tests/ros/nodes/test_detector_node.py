@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,7 @@ pytest.importorskip("vision_msgs.msg", reason="ros_ws is not built: run 'make se
 
 from builtin_interfaces.msg import Time  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from nav_msgs.msg import Odometry  # noqa: E402
 from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
 from vision_msgs.msg import Detection2DArray  # noqa: E402
 
@@ -94,6 +96,71 @@ def test_detections_bear_the_pictures_stamp(
         lambda: camera.pictures.publish(covered),
     )
     assert not [said for said in camera.found if said.header.stamp.sec == 10]
+    camera.close()
+    assert process.interrupt() == 0
+
+
+def test_of_a_frozen_camera_nothing_is_told(
+    start_process: Callable, ros_domain_id: int, model: Path
+) -> None:
+    """Its last picture may show nothing, and an empty message under new stamps is no news."""
+    process = start_process(
+        "cfnav_ros.ros.detector_node", "--ros-args", "-p", f"model:={model}", "-p", "labels:=coco"
+    )
+    camera = Camera(ros_domain_id, Image, "oakd/rgb/preview/image_raw")
+    noisy = picture(20)
+    for k in range(10):  # at rest, each with its own noise
+        noisy.header.stamp = Time(sec=20 + k)
+        noisy.data = bytes([k]) + bytes(noisy.data)[1:]
+        camera.show(noisy)
+    stamps = itertools.count(30)
+
+    def repeat() -> None:
+        noisy.header.stamp = Time(sec=next(stamps))
+        camera.pictures.publish(noisy)
+
+    camera.wait(
+        lambda: any("camera is frozen" in s.message for told in camera.told for s in told.status),
+        "a sentence about the camera",
+        repeat,
+    )
+    last = max(said.header.stamp.sec for said in camera.found)
+    assert last < next(stamps) - 1
+    noisy.data = bytes([99]) + bytes(noisy.data)[1:]
+    noisy.header.stamp = Time(sec=next(stamps))
+    assert camera.show(noisy).header.stamp == noisy.header.stamp
+    camera.close()
+    assert process.interrupt() == 0
+
+
+def test_a_camera_without_noise_is_frozen_when_the_robot_moves(
+    start_process: Callable, ros_domain_id: int, model: Path
+) -> None:
+    process = start_process(
+        "cfnav_ros.ros.detector_node", "--ros-args", "-p", f"model:={model}", "-p", "labels:=coco"
+    )
+    camera = Camera(ros_domain_id, Image, "oakd/rgb/preview/image_raw")
+    odometry = camera.node.create_publisher(Odometry, "odom", 10)
+    moved = Odometry()
+    moved.pose.pose.orientation.w = 1.0
+    odometry.publish(moved)
+    stamps = itertools.count(10)
+    for stamp in itertools.islice(stamps, 20):
+        assert camera.show(picture(stamp)).header.stamp.sec == stamp, "at rest it tells"
+
+    def repeat() -> None:
+        now = Time(sec=next(stamps))
+        moved.header.stamp, moved.pose.pose.position.x = now, 1.0
+        odometry.publish(moved)
+        message = picture(0)
+        message.header.stamp = now
+        camera.pictures.publish(message)
+
+    camera.wait(
+        lambda: any("camera is frozen" in s.message for told in camera.told for s in told.status),
+        "a sentence about the camera",
+        repeat,
+    )
     camera.close()
     assert process.interrupt() == 0
 
