@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from cfnav_core.detect.heads import HEADS, NANODET_BINS
+from cfnav_core.detect.heads import HEADS, NANODETS
 from cfnav_core.detect.labels import LabelMap, load_labels
 from cfnav_core.perception.boxes import Box, Detection
 from cfnav_core.perception.onnx_session import open_session
@@ -25,8 +25,8 @@ LEAST = 0.3
 OVERLAP = 0.5
 """Intersection through union above which the weaker of two boxes of a class is dropped."""
 
-MOST = 1000
-"""Boxes that are looked at, the best: more are noise, and would take seconds."""
+MOST = 500
+"""Boxes that are looked at, the best, as many as a robot takes of a message: more are noise."""
 
 ROUNDED = 1e-3
 """Scores reach beyond 1 by no more than float16 rounds."""
@@ -74,16 +74,16 @@ class OnnxDetector:
         said = self._session.get_modelmeta().custom_metadata_map
         self.labels = load_labels(labels) if labels else _own_labels(path, said)
         outputs = {o.name: tuple(o.shape) for o in self._session.get_outputs()}
-        told, names = recognise(outputs, self.labels.count, said)
+        self._given, *others = self._session.get_inputs()
+        self._asks_size = next((other.name for other in others), "")
+        self._planes, self.size = _layout(path, tuple(self._given.shape), side)
+        told, names = recognise(outputs, self.labels.count, said, self.size)
         self.head, self._outputs = head or told, names if head in ("", told) else []
         if self.head not in HEADS:
             raise ValueError(
                 f"found outputs {outputs} in {path}, which could be {told or 'anything'}; say "
                 f"which head it has, one of {', '.join(HEADS)}, and the labels that it learnt"
             )
-        self._given, *others = self._session.get_inputs()
-        self._asks_size = next((other.name for other in others), "")
-        self._planes, self.size = _layout(path, tuple(self._given.shape), side)
         try:
             self.found(np.zeros((*self.size, 3), np.uint8))
         except (IndexError, ValueError) as error:
@@ -162,7 +162,7 @@ class OnnxDetector:
 
 
 def recognise(
-    outputs: Mapping[str, Shape], classes: int, said: Mapping[str, str]
+    outputs: Mapping[str, Shape], classes: int, said: Mapping[str, str], size: tuple[int, int]
 ) -> tuple[str, list[str]]:
     """Tell a head by its outputs.
 
@@ -170,6 +170,7 @@ def recognise(
         outputs: shapes by name.
         classes: that the detector has.
         said: what the file says of itself.
+        size: height and width of its input, pixels.
 
     Returns:
         Its name, or several with "or" between them, or none; and the outputs that it reads, in
@@ -189,7 +190,7 @@ def recognise(
         "rtdetr": columns == 4 + classes,
         "yolov5": columns == 5 + classes,
         "yolox": columns == 5 + classes and "stride" not in said,  # Ultralytics's exports say it
-        "nanodet": columns in [classes + 4 * bins for bins in NANODET_BINS],
+        **{name: of.fits(rows, columns, size, classes) for name, of in NANODETS.items()},
     }
     return " or ".join(head for head, fit in fits.items() if fit), []
 

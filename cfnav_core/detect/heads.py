@@ -7,7 +7,7 @@ user names the head. All boxes come out as left, top, right, bottom in 0..1 of t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -104,50 +104,79 @@ def _rtdetr(outputs: Sequence[np.ndarray], size: tuple[int, int], count: int) ->
     return boxes / _pixels(size), _single(labels, scores, count)
 
 
-NANODET_BINS = {11: (8, 16, 32), 8: (8, 16, 32, 64)}
-"""Bins of a distance, to the cells' sides: NanoDet's and NanoDet-Plus's."""
+@dataclass(frozen=True)
+class NanoDet:
+    """How one of the two generations lays its cells.
 
-
-def nanodet_boxes(logits: np.ndarray, cells: tuple[int, int]) -> np.ndarray:
-    """Boxes of one scale around their cells, float [n, 4] in 0..1.
-
-    Args:
-        logits: float [n, 4 * bins]: a distribution over distances to each side, in cells, whose
-            mean is the distance.
-        cells: rows and columns, together n.
+    Attributes:
+        strides: sides of the cells of each scale, pixels.
+        bins: of a distance, what there is of them.
+        middle: of a cell, from its upper left corner, in cells.
     """
-    bins = logits.reshape(len(logits), 4, -1)
-    weight = np.exp(bins - bins.max(-1, keepdims=True))
-    away = (weight * np.arange(bins.shape[2])).sum(-1) / weight.sum(-1)
-    y, x = np.mgrid[: cells[0], : cells[1]]
-    middle = np.stack([x.ravel(), y.ravel()], 1) + 0.5
-    ends = np.concatenate([middle - away[:, :2], middle + away[:, 2:]], 1)
-    return ends / np.tile(cells[::-1], 2)
+
+    strides: tuple[int, ...]
+    bins: tuple[int, ...]
+    middle: float
+
+    def cells(self, size: tuple[int, int]) -> list[tuple[int, int]]:
+        """Rows and columns of each scale over an input of a height and width, pixels.
+
+        The last may end beyond it.
+        """
+        return [(-(-size[0] // side), -(-size[1] // side)) for side in self.strides]
+
+    def fits(self, rows: int | str | None, columns: int, size: tuple[int, int], count: int) -> bool:
+        """Whether joined rows, whose number the file may leave open, can be its own."""
+        own = sum(high * wide for high, wide in self.cells(size))
+        return columns in [count + 4 * bins for bins in self.bins] and (
+            rows == own or not isinstance(rows, int)
+        )
+
+    def boxes(self, logits: np.ndarray, scale: int, size: tuple[int, int]) -> np.ndarray:
+        """Boxes of one scale around their cells, float [n, 4] in 0..1 of the input.
+
+        Args:
+            logits: float [n, 4 * bins]: a distribution over distances to each side, in cells, whose
+                mean is the distance.
+            scale: which.
+            size: height and width of the input, pixels.
+        """
+        bins = logits.reshape(len(logits), 4, -1)
+        weight = np.exp(bins - bins.max(-1, keepdims=True))
+        away = (weight * np.arange(bins.shape[2])).sum(-1) / weight.sum(-1)
+        rows, columns = self.cells(size)[scale]
+        y, x = np.mgrid[:rows, :columns]
+        middle = np.stack([x.ravel(), y.ravel()], 1) + self.middle
+        ends = np.concatenate([middle - away[:, :2], middle + away[:, 2:]], 1)
+        return ends * self.strides[scale] / _pixels(size)
+
+    def decode(self, outputs: Sequence[np.ndarray], size: tuple[int, int], count: int) -> Found:
+        """Scores, then distances: the scales apart, all scores first, or joined in one."""
+        if len(outputs) > 1:
+            half = len(outputs) // 2
+            scores, logits = outputs[:half], outputs[half:]
+        else:
+            (rows,) = outputs
+            if not self.fits(rows.shape[0], rows.shape[1], size, count):
+                raise ValueError(
+                    f"found {rows.shape[0]} rows of {rows.shape[1]} numbers, expected "
+                    f"{sum(high * wide for high, wide in self.cells(size))} of "
+                    f"{' or '.join(str(count + 4 * bins) for bins in self.bins)}: choose the "
+                    "labels that this detector learnt"
+                )
+            ends = np.cumsum([high * wide for high, wide in self.cells(size)])[:-1]
+            parts = np.split(rows, ends)
+            scores, logits = [p[:, :count] for p in parts], [p[:, count:] for p in parts]
+        boxes = [self.boxes(part, scale, size) for scale, part in enumerate(logits)]
+        return np.concatenate(boxes), np.concatenate(scores)
 
 
-def _nanodet(outputs: Sequence[np.ndarray], size: tuple[int, int], count: int) -> Found:
-    """Scores, then distances: three scales apart in six outputs, or joined in one."""
-    if len(outputs) > 1:
-        half = len(outputs) // 2
-        scores, logits = outputs[:half], outputs[half:]
-        strides = [8 * 2**k for k in range(half)]
-    else:
-        bins = (outputs[0].shape[1] - count) // 4
-        if bins not in NANODET_BINS or outputs[0].shape[1] != count + 4 * bins:
-            raise ValueError(
-                f"found {outputs[0].shape[1]} numbers a cell, expected scores of {count} classes "
-                f"and four times {' or '.join(map(str, NANODET_BINS))}: choose the labels that "
-                "this detector learnt."
-            )
-        strides = list(NANODET_BINS[bins])
-        ends = np.cumsum([-(-size[0] // s) * -(-size[1] // s) for s in strides])[:-1]
-        parts = np.split(outputs[0], ends)
-        scores, logits = [p[:, :count] for p in parts], [p[:, count:] for p in parts]
-    boxes = [
-        nanodet_boxes(part, (-(-size[0] // stride), -(-size[1] // stride)))
-        for part, stride in zip(logits, strides, strict=True)
-    ]
-    return np.concatenate(boxes), np.concatenate(scores)
+NANODETS = {
+    "nanodet": NanoDet((8, 16, 32), (8, 11), 0.5),
+    "nanodet_plus": NanoDet((8, 16, 32, 64), (8,), 0.0),
+}
+"""By the names of their heads. Source: nanodet_head.py, gfl_head.py, nanodet_plus_head.py and the
+configurations of https://github.com/RangiLyu/nanodet; the plus learnt from squeezed pictures."""
 
 
 def _ssd(outputs: Sequence[np.ndarray], size: tuple[int, int], count: int) -> Found:
@@ -165,8 +194,8 @@ def _raw_ssd(outputs: Sequence[np.ndarray], size: tuple[int, int], count: int) -
 
 _UNIT = (255, 255, 255)
 _YOLO = Input("middle", 114, deviation=_UNIT)
-_NANODET = Input(
-    "middle", blue_first=True, mean=(103.53, 116.28, 123.675), deviation=(57.375, 57.12, 58.395)
+_NANODET_PLUS = Input(
+    blue_first=True, mean=(103.53, 116.28, 123.675), deviation=(57.375, 57.12, 58.395)
 )
 
 HEADS = {
@@ -176,7 +205,9 @@ HEADS = {
     "yolox": Head("YOLOX as its ONNX export leaves it", Input("corner", 114, True), _yolox),
     "rtdetr": Head("RT-DETR, its own export or Ultralytics's", Input(deviation=_UNIT), _rtdetr,
                    overlaps=False),
-    "nanodet": Head("NanoDet and NanoDet-Plus", _NANODET, _nanodet),
+    "nanodet": Head("NanoDet -m, -g and -t", replace(_NANODET_PLUS, fit="middle"),
+                    NANODETS["nanodet"].decode),
+    "nanodet_plus": Head("NanoDet-Plus", _NANODET_PLUS, NANODETS["nanodet_plus"].decode),
     "ssd": Head("TensorFlow's detectors with their own selection", Input(), _ssd, overlaps=False),
     "raw_ssd": Head("the same without it", Input(), _raw_ssd),
     "centernet": Head("CenterNet: rows of box, score, class", Input(), _rows_of_six),

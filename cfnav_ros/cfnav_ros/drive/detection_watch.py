@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -28,10 +27,11 @@ MOCK_LABELS = "cfnav"
 
 FAR_BY, BOXES = ("lidar", "size", "nothing"), ("pixels", "metres")
 
-SCAN_AGES_S, KEPT_SCANS = (0.2, 0.5), 10
+SCAN_AGES_S, KEPT_S = (0.2, 0.5), 10.5
 """A scan is asked about pictures so much later than its stamp, that of the beginning of its turn:
 then it has come, in whatever order messages come, and a bag is judged as it was driven. An older
-one may have been taken before the robot stood."""
+one may have been taken before the robot stood. Detections may be as late as ``AgeLimits.frame``
+allows at most, and scans are kept for so long."""
 
 FOV_DEG = (10.0, 150.0)
 """What a pinhole's view is across and down; an uncalibrated driver may say anything."""
@@ -110,7 +110,7 @@ class DetectionWatch:
         self._mount = mount.corrected(math.radians(lidar.bearing_bias_deg))
         self._labels = load_labels(settings.labels)
         self._sizes = by_size(known_sizes())
-        self._scans: deque[tuple[float, Scan]] = deque(maxlen=KEPT_SCANS)
+        self._scans: list[tuple[float, Scan]] = []
         self._fixed_tilt = math.radians(settings.tilt_deg)
         self._told: Pinhole | None = None
         self._camera: Pinhole | None = None
@@ -168,7 +168,8 @@ class DetectionWatch:
             scan: of the robot's LiDAR.
         """
         if not malformed(scan) and self._frame in ("", scan.frame):
-            self._scans.append((stamp, scan))
+            kept = [(at, of) for at, of in self._scans if abs(stamp - at) <= KEPT_S]
+            self._scans = [*kept, (stamp, scan)]
 
     def see(self, stamp_ns: int, claims: Sequence[Claim], tilt: float) -> CameraFrame:
         """What a policy looks at.

@@ -172,6 +172,12 @@ def _claim(bbox: Any, best: Any, frame: str) -> Claim | None:
     size, middle = getattr(bbox, "size", None), bbox.center.position
     if size:
         wide, high, depth, box_depth = size.x, size.y, best.pose.pose.position.z, middle.z
+        turn = bbox.center.orientation
+        if any((turn.x, turn.y, turn.z)):
+            raise ValueError(
+                f"A detection's box is turned by the quaternion {turn.x:g}, {turn.y:g}, "
+                f"{turn.z:g}, {turn.w:g}, expected upright ones."
+            )
     else:
         wide, high, depth, box_depth = bbox.size_x, bbox.size_y, 0.0, 0.0
         if bbox.center.theta:

@@ -6,6 +6,8 @@ import sqlite3
 import time
 
 import pytest
+from cfnav_ros.bags.files.message_types import WITHOUT_DEFINITION, MessageTypes
+from cfnav_ros.bags.files.storage import BagTopic, Notes
 from rosbags.interfaces import Nodetype
 
 from studies.bags.bag_files import SQLITE, STORE, drive, write
@@ -180,3 +182,11 @@ def test_messages_that_do_not_fit_the_known_type_are_not_made_up(tmp_path):
     events, notes = read(bag / "bag.db3")
     assert {event[0] for event in events} == {"Unreadable"}
     assert any("20 messages of /odom make no sense" in note for note in notes)
+
+
+@pytest.mark.parametrize("kind", sorted(WITHOUT_DEFINITION))
+def test_types_of_bags_without_definitions_are_those_of_the_robot(kind):
+    """ROS 2 tells types by a hash over all their fields."""
+    notes = Notes()
+    found = MessageTypes(notes).hash(BagTopic("/topic", kind, 1))
+    assert (found, list(notes)) == (STORE.hash_rihs01(kind), [])

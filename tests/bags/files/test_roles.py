@@ -231,6 +231,17 @@ def test_the_calibration_is_that_of_the_camera():
     assert names(cameras[0], alone)["camera_info"] == "/calibration"
 
 
+def test_without_pictures_the_calibration_is_that_of_the_camera_that_a_robot_names():
+    lenses = ("/oakd/left/camera_info", "/oakd/rgb/camera_info", "/oakd/rgb/preview/camera_info")
+    topics = [BagTopic(name, INFO, 10) for name in lenses]
+    assert names(*topics, image="oakd/rgb/image_raw/compressed") == {"camera_info": lenses[1]}
+    usual = {"camera_info": lenses[2]}
+    assert names(*topics) == usual, "of the usual picture"
+    inside = [BagTopic(f"/robot1{topic.name}", INFO, 10) for topic in topics]
+    assert names(*inside, image="oakd/rgb/image_raw") == {"camera_info": f"/robot1{lenses[1]}"}
+    assert names(topics[0], image="camera/image") == {"camera_info": lenses[0]}
+
+
 @pytest.mark.parametrize(
     ("name", "colours"),
     [

@@ -7,7 +7,7 @@ import pytest
 from onnx import TensorProto
 
 from cfnav_core.detect.detector import MOST, OnnxDetector, recognise
-from cfnav_core.detect.heads import HEADS, nanodet_boxes
+from cfnav_core.detect.heads import HEADS, NANODETS
 from cfnav_core.detect.pictures import Input
 from tests.core.detect.made import constant_network
 
@@ -60,17 +60,17 @@ def rtdetr_rows():
     return {"output0": np.array([[row, [0.0] * 84]], np.float32)}
 
 
-def nanodet(bins=8):
-    """A cell of the first scale at (20, 12) whose box reaches 1.25, 0.875, 1.25, 1.625 cells."""
-    strides = (8, 16, 32, 64) if bins == 8 else (8, 16, 32)
-    counts = [-(-32 // s) * -(-64 // s) for s in strides]
-    rows = np.zeros((1, sum(counts), 80 + 4 * bins), np.float32)
+def nanodet(head="nanodet", bins=8):
+    """A cell of the first scale at (20, 12), or (16, 8), from which a box reaches so many cells."""
+    of = NANODETS[head]
+    rows = np.zeros((1, sum(h * w for h, w in of.cells((32, 64))), 80 + 4 * bins), np.float32)
     cell = rows[0, 1 * 8 + 2]
     cell[CHAIR] = 0.8
-    for side, away in enumerate((1.25, 0.875, 1.25, 1.625)):
+    x, y = (2 + of.middle) * 8, (1 + of.middle) * 8
+    for side, away in enumerate(((x - 10) / 8, (y - 5) / 8, (30 - x) / 8, (25 - y) / 8)):
         low = int(away)
         cell[80 + side * bins : 80 + (side + 1) * bins] = -30
-        cell[80 + side * bins + low] = np.log(1 - (away - low))
+        cell[80 + side * bins + low] = np.log(max(1 - (away - low), 1e-9))
         cell[80 + side * bins + low + 1] = np.log(max(away - low, 1e-9))
     return {"output": rows}
 
@@ -103,8 +103,9 @@ KINDS = [
     ("yolov10", yolov10(), {}),
     ("rtdetr", rtdetr(), {"asks": "orig_target_sizes"}),
     ("rtdetr", rtdetr_rows(), {}),
-    ("nanodet", nanodet(8), {}),
-    ("nanodet", nanodet(11), {}),
+    ("nanodet", nanodet(), {}),
+    ("nanodet", nanodet(bins=11), {}),
+    ("nanodet_plus", nanodet("nanodet_plus"), {}),
     ("centernet", centernet(), {"shape": (1, 32, 64, 3)}),
     ("ssd", ssd(), {"shape": (1, 32, 64, 3), "kind": TensorProto.UINT8, "labels": "coco_ids"}),
     ("raw_ssd", raw_ssd(), {"shape": (1, 32, 64, 3), "labels": "coco_ids"}),
@@ -264,18 +265,37 @@ def test_scores_of_other_classes_than_the_labels_are_told(tmp_path):
 def test_one_class_more_makes_other_heads_possible():
     """Rows of six are YOLO v10's, v5's of one class and RT-DETR's of two."""
     shapes = {"output0": (1, 300, 6)}
-    assert recognise(shapes, 80, {})[0] == "yolov10"
-    assert recognise(shapes, 2, {})[0] == "yolov10 or rtdetr"
-    assert recognise(shapes, 1, {"stride": "32"})[0] == "yolov10 or yolov5"
+    assert recognise(shapes, 80, {}, (32, 64))[0] == "yolov10"
+    assert recognise(shapes, 2, {}, (32, 64))[0] == "yolov10 or rtdetr"
+    assert recognise(shapes, 1, {"stride": "32"}, (32, 64))[0] == "yolov10 or yolov5"
 
 
-def test_a_nanodet_box_lies_around_its_cell():
-    logits = np.zeros((26 * 26, 44), np.float32)
-    cell = 10 * 26 + 5  # row 10, column 5
+@pytest.mark.parametrize(
+    ("head", "bins", "scale", "cell", "ends"),
+    [
+        # row 10 and column 5 of the scale, 1, 2, 3 and 4 cells to each side
+        ("nanodet", 11, 1, 10 * 26 + 5, np.array([4.5, 8.5, 8.5, 14.5]) * 16),
+        ("nanodet_plus", 8, 1, 10 * 26 + 5, np.array([4, 8, 8, 14]) * 16),
+        # seven cells of 64 pixels are more than the 416 of the input
+        ("nanodet_plus", 8, 3, 3 * 7 + 3, np.array([2, 1, 6, 7]) * 64),
+    ],
+)
+def test_a_nanodet_box_lies_around_its_cell(head, bins, scale, cell, ends):
+    of = NANODETS[head]
+    rows, columns = of.cells((416, 416))[scale]
+    logits = np.zeros((rows * columns, 4 * bins), np.float32)
     for side, away in enumerate((1, 2, 3, 4)):
-        logits[cell, side * 11 + away] = 50.0
-    box = nanodet_boxes(logits, (26, 26))[cell]
-    assert box * 26 == pytest.approx([5.5 - 1, 10.5 - 2, 5.5 + 3, 10.5 + 4], abs=1e-3)
+        logits[cell, side * bins + away] = 50.0
+    assert of.boxes(logits, scale, (416, 416))[cell] * 416 == pytest.approx(ends, abs=0.1)
+
+
+def test_generations_of_nanodet_are_told_by_their_rows():
+    """320x320: 40, 20, 10 and 5 cells a side, each with 80 scores and four times 8 bins."""
+    for rows, head in ((2100, "nanodet"), (2125, "nanodet_plus"), (2000, "")):
+        assert recognise({"output": (1, rows, 112)}, 80, {}, (320, 320))[0] == head
+    for open_ in (None, "anchors"):
+        found = recognise({"output": (1, open_, 112)}, 80, {}, (320, 320))[0]
+        assert found == "nanodet or nanodet_plus"
 
 
 def test_a_picture_at_its_aspect():

@@ -12,6 +12,7 @@ from cfnav_ros.drive.detection_watch import DetectionSettings, DetectionWatch
 from cfnav_ros.drive.fields import MOST_DETECTIONS, Claim, detections_from_message
 from cfnav_ros.lidar.returns import Scan
 
+from cfnav_core.detect.detector import MOST
 from cfnav_core.detect.sightings import known_sizes
 from cfnav_core.perception.boxes import Box
 from cfnav_core.robot.robot import Robot, load_robot
@@ -40,7 +41,8 @@ def told_of(*detections, size=None) -> list[Claim]:
         hypothesis = Of(class_id=name, score=score)
         position = Of(x=at[0], y=at[1], z=at[2])
         result = Of(hypothesis=hypothesis, pose=Of(pose=Of(position=position)))
-        centre = Of(position=Of(x=x, y=y, z=ahead), theta=0.0)
+        unturned = Of(x=0.0, y=0.0, z=0.0, w=0.0)
+        centre = Of(position=Of(x=x, y=y, z=ahead), theta=0.0, orientation=unturned)
         if size == "3d":
             return Of(results=[result], bbox=Of(center=centre, size=Of(x=wide, y=high, z=0.01)))
         return Of(results=[result], bbox=Of(center=centre, size_x=wide, size_y=high))
@@ -197,6 +199,28 @@ def test_every_score_of_a_detection_is_looked_at_and_a_turned_box_is_no_message(
         detections_from_message(message)
 
 
+@pytest.mark.parametrize(
+    ("turn", "upright"),
+    [((0.0, 0.0, 0.0, 0.0), True), ((0.0, 0.0, 0.0, 1.0), True), ((0.0, 0.0, 0.6, 0.8), False)],
+)
+def test_a_turned_box_in_space_is_no_message(turn: tuple, upright: bool) -> None:
+    result = Of(hypothesis=Of(class_id="41", score=0.5),
+                pose=Of(pose=Of(position=Of(x=0.0, y=0.0, z=1.0))))  # fmt: skip
+    x, y, z, w = turn
+    centre = Of(position=Of(x=5.0, y=5.0, z=1.0), orientation=Of(x=x, y=y, z=z, w=w))
+    box = Of(center=centre, size=Of(x=4.0, y=8.0, z=0.01))
+    message = Of(header=Of(frame_id=""), detections=[Of(results=[result], bbox=box)])
+    if upright:
+        assert detections_from_message(message)[0].box == (3.0, 1.0, 7.0, 9.0)
+        return
+    with pytest.raises(ValueError, match=r"turned by the quaternion 0, 0, 0\.6, 0\.8"):
+        detections_from_message(message)
+
+
+def test_our_own_detector_says_no_more_than_is_taken() -> None:
+    assert MOST <= MOST_DETECTIONS
+
+
 def test_what_scores_less_than_a_policy_knows_does_not_count() -> None:
     rows = [("41", score, 224.0, 126.0, 48.0, 52.0) for score in (0.02, 0.29, 0.31)]
     assert [one.confidence for one in watch().see(NS, told_of(*rows), 0.0).decode()] == [0.31]
@@ -284,6 +308,17 @@ def test_distance_by_the_lidar_is_what_stands_in_the_direction_of_the_box() -> N
     left = Claim("41", 0.8, (10.0, 100.0, 50.0, 152.0))
     assert of.see(NS, [left], 0.0).decode()[0].distance == pytest.approx(3.0, abs=0.05)
     assert of.see(NS + 1_000_000_000, [MIDDLE], 0.0).decode()[0].distance == 0  # of long ago
+
+
+@pytest.mark.parametrize("hz", [5.0, 7.5, 20.0, 40.0])
+@pytest.mark.parametrize("late", [0.1, 1.0, 9.9])
+def test_distance_by_the_lidar_is_known_however_late_boxes_and_fast_scans_come(
+    hz: float, late: float
+) -> None:
+    of = watch(far_by="lidar")
+    for k in reversed(range(int(12 * hz))):
+        of.hear(NS * 1e-9 + late - k / hz, scan(np.full(720, 1.24)))
+    assert of.see(NS, [MIDDLE], 0.0).decode()[0].distance == pytest.approx(1.2, abs=0.01)
 
 
 def test_what_the_robot_does_not_tell_is_refused() -> None:

@@ -26,6 +26,18 @@ _HEADER = (
     f"{_SPLIT}MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
     f"{_SPLIT}MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
 )
+_FOUND = (
+    f"{_SPLIT}MSG: vision_msgs/ObjectHypothesisWithPose\n"
+    "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n"
+    f"{_SPLIT}MSG: vision_msgs/ObjectHypothesis\nstring class_id\nfloat64 score\n"
+    f"{_SPLIT}MSG: geometry_msgs/PoseWithCovariance\n"
+    "geometry_msgs/Pose pose\nfloat64[36] covariance\n"
+    f"{_SPLIT}MSG: geometry_msgs/Pose\n"
+    "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
+    f"{_SPLIT}MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
+    f"{_SPLIT}MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+    f"{_HEADER}"
+)
 _HAZARD = "uint8 BUMP=1\nstd_msgs/Header header\nuint8 type\n"
 
 WITHOUT_DEFINITION = {
@@ -39,6 +51,23 @@ WITHOUT_DEFINITION = {
     ),
     "irobot_create_msgs/msg/DockStatus": (
         f"std_msgs/Header header\nbool dock_visible\nbool is_docked\n{_HEADER}"
+    ),
+    "vision_msgs/msg/Detection2DArray": (
+        "std_msgs/Header header\nvision_msgs/Detection2D[] detections\n"
+        f"{_SPLIT}MSG: vision_msgs/Detection2D\nstd_msgs/Header header\n"
+        "vision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox2D bbox\n"
+        f"string id\n{_SPLIT}MSG: vision_msgs/BoundingBox2D\n"
+        "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n"
+        f"{_SPLIT}MSG: vision_msgs/Pose2D\nvision_msgs/Point2D position\nfloat64 theta\n"
+        f"{_SPLIT}MSG: vision_msgs/Point2D\nfloat64 x\nfloat64 y\n{_FOUND}"
+    ),
+    "vision_msgs/msg/Detection3DArray": (
+        "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n"
+        f"{_SPLIT}MSG: vision_msgs/Detection3D\nstd_msgs/Header header\n"
+        "vision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox3D bbox\n"
+        f"string id\n{_SPLIT}MSG: vision_msgs/BoundingBox3D\n"
+        "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n"
+        f"{_SPLIT}MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n{_FOUND}"
     ),
 }
 """Types of the robot that ROS 2 does not have: sqlite3 bags of Humble hold no definitions."""

@@ -241,10 +241,16 @@ class _Assigning:
         return robot in (None, self._robot) or (robot == ROOT and role in SHARED)
 
     def _of_camera(self, role: str, found: list[BagTopic]) -> list[BagTopic]:
-        """Of calibrations that of the chosen picture, or else those of no other camera."""
-        image = self._chosen.get("image")
-        if role != "camera_info" or image is None:
+        """Of calibrations that of the chosen picture, or else those of no other camera.
+
+        A bag with detections needs no pictures: then it is that of those that a robot would have.
+        """
+        if role != "camera_info":
             return found
+        image = self._chosen.get("image")
+        if image is None:
+            usual = self._named.get("image", TOPICS["image"].name)
+            return _named(found, camera_info(usual)) or found
         own = [topic for topic in found if topic.name == camera_info(image.name)]
         pictures = [t for t in self._topics if t.type in self._wanted["image"].types]
         others = {camera_info(picture.name) for picture in pictures}

@@ -304,7 +304,8 @@ class Replay:
         self._step += 1
         picture, said = (None if of.complaint else of.picture for of in (pictures, detections))
         if picture is None and said is None:
-            self._leave_out(self._step, t_ns, action, pictures.complaint)
+            wanted = pictures if self._pictures.newest[1] else detections
+            self._leave_out(self._step, t_ns, action, wanted.complaint or pictures.complaint)
             return
         estimate = pictures.estimate
         self._answer(_Moment(t_ns, self._step, picture, said, estimate, estimate, action))
