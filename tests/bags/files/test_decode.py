@@ -43,6 +43,28 @@ def test_every_role_has_events():
     assert set(ROLES) == WITH_EVENTS
 
 
+def test_detections_with_places():
+    """A box in pixels, and how far the thing is, as depthai fills Detection3DArray."""
+    kinds, xyz = "vision_msgs/msg/", {"x": 20.0, "y": 30.0, "z": 0.0}
+    place = b.make("geometry_msgs/msg/Point", x=0.1, y=0.2, z=1.5)
+    pose = b.make("geometry_msgs/msg/PoseWithCovariance", pose=b.make(
+        "geometry_msgs/msg/Pose", position=place
+    ))  # fmt: skip
+    said = b.make(f"{kinds}ObjectHypothesis", class_id="41", score=0.75)
+    box = b.make(
+        f"{kinds}BoundingBox3D", size=b.make("geometry_msgs/msg/Vector3", x=10.0, y=20.0, z=0.0),
+        center=b.make("geometry_msgs/msg/Pose", position=b.make("geometry_msgs/msg/Point", **xyz)),
+    )  # fmt: skip
+    one = b.make(f"{kinds}Detection3D", bbox=box, results=[
+        b.make(f"{kinds}ObjectHypothesisWithPose", hypothesis=said, pose=pose)
+    ])  # fmt: skip
+    message = b.make(f"{kinds}Detection3DArray", header=b.header(STAMP), detections=[one])
+    kind = ROLES["detections"].types.index("vision_msgs/msg/Detection3DArray")
+    (claim,) = event_of("detections", message, kind).claims
+    assert (claim.class_id, claim.score, claim.depth) == ("41", 0.75, 1.5)
+    assert claim.box == (15.0, 20.0, 25.0, 40.0)
+
+
 def test_plain_events():
     assert event_of("cmd_vel", b.command(STAMP, 0.3)) == e.Velocity(
         v=0.3, w=0.0, **about("cmd_vel")

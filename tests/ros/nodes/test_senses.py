@@ -32,11 +32,14 @@ from vision_msgs.msg import (  # noqa: E402
     BoundingBox2D,
     Detection2D,
     Detection2DArray,
+    Detection3D,
+    Detection3DArray,
     ObjectHypothesis,
     ObjectHypothesisWithPose,
 )
 
 from cfnav_core.perception.perception import BUILT_IN  # noqa: E402
+from cfnav_core.robot.robot import SHIPPED as ROBOTS  # noqa: E402
 from cfnav_core.robot.robot import Robot, load_robot  # noqa: E402
 from cfnav_core.task.camera import CAMERAS, MAST  # noqa: E402
 from tests.conftest import wait_until  # noqa: E402
@@ -159,6 +162,32 @@ def test_a_detection_is_where_the_thing_stands(node):
         math.atan2(0.4 - camera_z, math.hypot(ahead, 0.3)), abs=0.01
     )
     assert mug.distance == pytest.approx(math.hypot(1.2, 0.3), abs=0.05)
+
+
+def test_what_is_told_with_its_place_is_as_far_as_that(node, other, tmp_path):
+    """As depthai_ros_driver fills Detection3DArray: a box in pixels, and where the thing is."""
+    path = tmp_path / "spatial.yaml"
+    text = (ROBOTS / "turtlebot4.yaml").read_text()
+    path.write_text(text.replace("topics:\n", "topics:\n  detections: nn/spatial_detections\n"))
+    robot = load_robot(str(path))
+    senses = Senses(node, SIGHTED, PolicyParameters.of(robot), robot, lambda: None)
+    senses._on_camera(calibrated())
+    result = ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id="41", score=0.9))
+    result.pose.pose.position.z = 1.5
+    one = Detection3D(results=[result])
+    one.bbox.center.position.x, one.bbox.center.position.y = 224.0, 126.0
+    one.bbox.size.x = one.bbox.size.y = 20.0
+    message = Detection3DArray(detections=[one])
+    message.header.stamp.sec = 5
+    camera = other.create_publisher(Detection3DArray, "nn/spatial_detections", 10)
+
+    def heard():
+        camera.publish(message)
+        return senses.inputs.frame.stamp_ns == 5 * 10**9
+
+    spin_until(node, heard, "what the detector says")
+    (mug,) = senses.inputs.frame.decode()
+    assert (mug.name, mug.distance) == ("Mug", pytest.approx(1.5, abs=0.01))
 
 
 def test_a_camera_that_cannot_tilt_may_be_said_to_look_down(node):
