@@ -4,8 +4,8 @@
 # days, and 37 and 47 GB for perception's pictures, the others hours; goes on where it stopped when
 # run again.
 #   OUT=out/train BUNDLES="default turtlebot4 boxes boxes_mast" scripts/train_demo.sh
-# Perception learns from 200 pictures of each of its own rooms, while they are rendered; the second
-# camera's begins with the first one's. Training rooms train both policies, validation rooms end
+# Perception learns from 200 pictures of each of its own rooms, while they are rendered; that of any
+# other camera begins with the mast's. Training rooms train both policies, validation rooms end
 # stage one and choose checkpoints, test rooms are looked at once, at the end. Those shipped so far
 # learnt in 64 to 256 of these rooms (docs/training.md).
 set -euo pipefail
@@ -21,11 +21,26 @@ stage1=${STAGE1:-250000} most=${MOST:-1000000} stage2=${STAGE2:-600000} # episod
 every=${EVERY:-15000} episodes=${EPISODES:-2000}
 live=${LIVE:-} trials=${TRIALS:-60}            # rooms, the first five test rooms of each kind; drives
 
+made=$(python -c 'from sim_bridge.room.room import room_source as of
+print(of("kitchen"), of("sweet_home.kitchen"), of("varied.kitchen"), sep=", ")')
+
 each() { for word in "${@:2}"; do printf '%s %s ' "$1" "$word"; done; } # each FLAG WORD...
-once() { # once NAME COMMAND...: not again when it is done
-  [ ! -e "$out/done/$1" ] || return 0
+settings() { # what the results depend on, versions of the rooms included
+  echo "seed $seed, views $views, pictures $pictures, training $training, validation $validation," \
+    "tests $tests, stage one $stage1 to $most, stage two $stage2, every $every," \
+    "episodes $episodes, live $live, trials $trials, $made"
+}
+once() { # once NAME COMMAND...: not again when it is done, and never with other settings
+  local now
+  now=$(settings)
+  if [ -e "$out/done/$1" ]; then
+    [ "$(cat "$out/done/$1")" != "$now" ] || return 0
+    echo "train_demo.sh: found $out/done/$1 made with $(cat "$out/done/$1"); expected $now. Name" \
+      "another OUT, or delete $out." >&2
+    exit 2
+  fi
   "${@:2}"
-  mkdir -p "$out/done" && touch "$out/done/$1"
+  mkdir -p "$out/done" && echo "$now" > "$out/done/$1"
 }
 every_kind() { # every_kind FIRST-LAST [MORE]: rooms of each type and furniture, seed by seed
   for number in $(seq "${1%-*}" "${1#*-}"); do
@@ -86,11 +101,15 @@ policies() { # policies NAME [MORE]: ours and plain, judged without ROS and on t
     "${@:2}"
 }
 
-remake() { # remake NAME CAMERA: perception, the rooms as it sees them, and the policies
+perceive() { # perceive NAME CAMERA: the network of a camera; others begin with the mast's
+  [ "$2" = mast ] || perceive default mast
   camera=$2 out=$root/$1
+  [ "$2" = mast ] && begin="" || begin=$root/default/perception/perception.onnx
   perception=$out/perception/perception.onnx
   once perception see
-  begin=$perception
+}
+remake() { # remake NAME CAMERA: perception, the rooms as it sees them, and the policies
+  perceive "$1" "$2"
   once rooms render $training $validation
   once tests render $tests
   learnt=() exported=(--perception "$perception") judged=(--scenes "$out/scenes")

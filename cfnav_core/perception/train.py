@@ -27,6 +27,7 @@ from cfnav_core.files.checkpoint import (
     load_tensors,
     save_state,
 )
+from cfnav_core.files.locks import locked
 from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
@@ -35,7 +36,7 @@ from cfnav_core.perception.picture_set import FIELDS, HEAD, PictureSet
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.trunk import Trunk
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in
+from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in, tests
 
 HELD_OUT_EVERY = 20
 """The last of so many seeds is held out."""
@@ -103,6 +104,11 @@ class Shelf:
         self._looked = time.monotonic()
         self.training, self.held_out = [], []
         for kind, seed in rooms_in(self._folder, HEAD):
+            if tests(kind, seed):
+                raise ValueError(
+                    f"found pictures of {kind}:{seed} in {self._folder}, a room that tests, from "
+                    "which perception must not learn; take them out"
+                )
             last = seed % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
             rooms = self.held_out if last else self.training
             rooms.append(room_folder(self._folder, kind, seed))
@@ -257,8 +263,15 @@ def train(options: PerceptionOptions) -> dict[str, object]:
     """Train, export and report.
 
     Raises:
-        ValueError: too few picture sets, or a damaged one.
+        ValueError: too few picture sets, a damaged one, or one of a room that tests.
+        OSError: another process writes the same network.
     """
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    with locked(options.out.with_suffix(".lock")):
+        return _train(options)
+
+
+def _train(options: PerceptionOptions) -> dict[str, object]:
     torch.set_num_threads(options.threads)
     shelf = Shelf(options.data)
     shelf.wait(options.wait_for)

@@ -20,6 +20,9 @@ FOV_TOLERANCE_DEG = 4.0
 TURTLEBOT4_TOP_M = 0.351
 """Height of the standard TurtleBot 4 (turtlebot4_description)."""
 
+SQUARE_TOLERANCE = 0.02
+"""Relative difference of the focal lengths across and down up to which pixels are squares."""
+
 ASPECT_TOLERANCE = 0.02
 """Relative difference of width over height up to which pictures have one shape."""
 
@@ -56,6 +59,15 @@ class CameraSetUp:
         if len(self.size) != 2 or not all(isinstance(v, int) and v > 0 for v in self.size):
             raise ValueError(
                 f"found a picture size of {list(self.size)}, expected width and height in pixels"
+            )
+        x, y = (share * pixels for share, pixels in zip(self.focal_share, self.size, strict=True))
+        if abs(x / y - 1) > SQUARE_TOLERANCE:
+            (wide, high), (width, height) = self.fov_deg, self.size
+            square = math.degrees(2 * math.atan(math.tan(math.radians(high) / 2) * width / height))
+            raise ValueError(
+                f"found a field of view of {wide:g} x {high:g} degrees in pictures of {width} x "
+                f"{height} pixels, whose pixels are squares when {high:g} degrees down come with "
+                f"{square:.1f} across; give angles and size of one mode of the camera"
             )
         falling = all(a > b for a, b in zip(self.horizons, self.horizons[1:], strict=False))
         if not self.horizons or not falling or not all(abs(v) < 1.5 for v in self.horizons):

@@ -120,6 +120,12 @@ def split_of(name: str, seed: int) -> str:
     return next((split for split, seeds in SPLITS[name].items() if seed in seeds), "")
 
 
+def tests(kind: str, seed: int) -> bool:
+    """Whether a room is one of those that test, from which nothing learns."""
+    names = ("data1", "data2", "worlds") if furniture_of(kind) == BUILT_IN else ("worlds",)
+    return any(split_of(name, seed) == "test" for name in names)
+
+
 def room_folder(folder: Path, kind: str, seed: int) -> Path:
     """Where a room's data lies in a folder of rooms."""
     return folder / f"{kind}_{seed:05d}"

@@ -100,6 +100,7 @@ class MockParameters:
             raise ValueError(
                 f"camera_size is {self.camera_size}; expected 32 to {LARGEST_PICTURE} pixels, or 0."
             )
+        _ = self.set_up  # refuses a square picture of a view that is none
 
     @property
     def described(self) -> Robot:

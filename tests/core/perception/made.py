@@ -14,7 +14,7 @@ from cfnav_core.perception.sight import Sight
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.vocabulary import CATEGORIES
 
-SMALL = CameraSetUp(0.0, 0.3, (60.0, 40.0), (96, 64), (0.0,))
+SMALL = CameraSetUp(0.0, 0.3, (60.0, 42.1), (96, 64), (0.0,))
 """A camera of small pictures, wider than high."""
 
 

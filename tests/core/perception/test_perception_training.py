@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from cfnav_core.files.checkpoint import CheckpointError, save_state
+from cfnav_core.files.locks import locked
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.perception.sight import Sight
@@ -57,6 +58,20 @@ def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_kille
     assert more["seen"] == 704
     assert more["training_rooms"] == 4
     assert more["held out, sweet_home"]["rooms"] == 1
+
+
+@pytest.mark.parametrize("room", [("kitchen", 301), ("kitchen", 21), ("sweet_home.bedroom", 324)])
+def test_it_does_not_learn_from_rooms_that_test(options, room):
+    kind, seed = room
+    picture_set(options.data, seed, kind=kind)
+    with pytest.raises(ValueError, match=f"found pictures of {kind}:{seed} in .* that tests"):
+        train(options)
+    assert not options.out.exists()
+
+
+def test_a_network_is_written_by_one_process(options):
+    with locked(options.out.with_suffix(".lock")), pytest.raises(OSError, match="another process"):
+        train(options)
 
 
 @pytest.mark.parametrize("file", ["other.checkpoint", "other.onnx"])

@@ -51,6 +51,13 @@ def test_a_file_that_is_no_camera_is_refused(text: str, words: str, tmp_path: Pa
         CameraSetUp.read(str(tmp_path / "none"))
 
 
+def test_a_view_that_the_picture_contradicts_is_refused() -> None:
+    """A maker's 95 x 70 degrees are of another mode of the sensor than its 1280 x 720 pixels."""
+    with pytest.raises(ValueError, match=r"70 degrees down come with 102\.4 across"):
+        CameraSetUp(0.0, 0.3, (95.0, 70.0), (1280, 720), (0.0,))
+    assert CameraSetUp(0.0, 0.3, (95.0, 63.1), (1280, 720), (0.0,))
+
+
 def test_focal_lengths_follow_from_the_view() -> None:
     assert MAST.focal_share == pytest.approx((0.5, 0.5))
     x, y = WIDE.focal_share
