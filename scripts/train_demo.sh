@@ -61,8 +61,19 @@ render() { # render ROOMS...
   cfnav rooms make $(each --rooms "$@") --camera "$camera" --perception "$perception" \
     --out "$out/scenes"
 }
-detect() { # detect FOLDER DISTANCE ROOMS...: what a detector says in these rooms
-  cfnav rooms boxes --camera "$camera" --out "$1" --distance "$2" $(each --rooms "${@:3}")
+share() { # share K N ROOMS...: every N-th of them by its seed
+  python -c 'import sys
+from cfnav_core.task.rooms import parse_rooms
+k, n = map(int, sys.argv[1:3])
+print(*(f"{kind}:{seed}" for kind, seed in parse_rooms(sys.argv[3:]) if seed % n == k))' "$@"
+}
+detect() { # detect FOLDER DISTANCE ROOMS...: what a detector says in these rooms, by several views
+  local k rooms
+  for k in "${!cameras[@]}"; do
+    rooms=$(share "$k" "${#cameras[@]}" "${@:3}")
+    [ -z "$rooms" ] || cfnav rooms boxes --camera "${cameras[k]}" --out "$1" --distance "$2" \
+      $(each --rooms $rooms)
+  done
 }
 listen() { # listen FOLDER ROOMS...: the LiDAR's p_hat
   cfnav rooms scan "$1" $(each --rooms "${@:2}") && cfnav data lidar "$1"
@@ -115,8 +126,8 @@ remake() { # remake NAME CAMERA: perception, the rooms as it sees them, and the 
   learnt=() exported=(--perception "$perception") judged=(--scenes "$out/scenes")
   policies "$1"
 }
-remake_boxes() { # remake_boxes NAME CAMERA, without pictures: a detector's boxes, and the LiDAR
-  camera=$2 out=$root/$1
+remake_boxes() { # remake_boxes NAME CAMERA..., without pictures: a detector's boxes, and the LiDAR
+  camera=$2 cameras=("${@:2}") out=$root/$1
   once rooms detect "$out/scenes" mixed $training $validation
   once tests detect "$out/sealed" lidar $tests
   once scans listen "$out/sealed" $tests
@@ -133,7 +144,14 @@ for bundle in ${BUNDLES:-default turtlebot4 boxes boxes_mast}; do
     default) remake default mast ;;
     turtlebot4) remake turtlebot4 stock_wide ;;
     boxes) remake_boxes boxes stock_wide ;;
-    boxes_mast) remake_boxes boxes_mast mast ;;
+    boxes_mast)
+      mkdir -p "$root"
+      for view in '66.0, 40.1], "size": [448, 252' '78.0, 56.0], "size": [448, 294'; do
+        echo "{\"x\": 0.0, \"z\": 1.3, \"fov_deg\": [$view], \"horizons_deg\": [0.0, -30.0]}" \
+          > "$root/mast_${view%%.*}.json"
+      done
+      remake_boxes boxes_mast mast "$root"/mast_{66,78}.json
+      ;;
     *) remake "$bundle" "$bundle" ;; # for another camera, named as that is
   esac
 done

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from cfnav_core.task.camera import CameraSetUp
+
 SCRIPT = Path(__file__).parents[1] / "scripts/train_demo.sh"
 STUB = """#!/bin/sh
 case "$1" in -c) exec {python} "$@" ;; esac
@@ -76,6 +78,34 @@ def test_other_settings_are_no_going_on(demo: Demo) -> None:
     assert "made with seed 0," in said
     assert "expected seed 1," in said
     assert "Name another OUT" in said
+
+
+def test_a_detector_on_a_mast_has_three_views(demo: Demo) -> None:
+    code, calls, _ = demo.run("boxes_mast", TRAINING="kitchen:100-105", VALIDATION="kitchen:230")
+    assert code == 0
+    made = [call.split() for call in calls if call.startswith("cfnav rooms boxes")]
+    seen = {words[4]: words[words.index("mixed") + 1 :] for words in made if "mixed" in words}
+    views = ["mast", f"{demo.folder}/out/mast_66.json", f"{demo.folder}/out/mast_78.json"]
+    assert list(seen) == views
+    assert [CameraSetUp.read(view).fov_deg[0] for view in views] == [90, 66, 78]
+    rooms = [[word for word in seen[view] if word != "--rooms"] for view in views]
+    assert rooms == [
+        ["kitchen:102", "kitchen:105"], ["kitchen:100", "kitchen:103"],
+        ["kitchen:101", "kitchen:104", "kitchen:230"],
+    ]  # fmt: skip
+    trained = next(call for call in calls if call.startswith("cfnav train"))
+    assert "--train-rooms kitchen:100-105 --validation-rooms kitchen:230" in trained
+
+
+def test_a_view_without_rooms_makes_none(demo: Demo) -> None:
+    few = {"TRAINING": "kitchen:102", "VALIDATION": "kitchen:231", "TESTS": "kitchen:300"}
+    code, calls, _ = demo.run("boxes_mast", **few)
+    assert code == 0
+    made = [call.split() for call in calls if call.startswith("cfnav rooms boxes")]
+    assert [words[words.index("--rooms") + 1 :] for words in made] == [
+        ["kitchen:102", "--rooms", "kitchen:231"], ["kitchen:300"],
+    ]  # fmt: skip
+    assert {words[words.index("--camera") + 1] for words in made} == {"mast"}
 
 
 def test_perception_of_any_camera_begins_with_the_masts(demo: Demo) -> None:
