@@ -281,16 +281,10 @@ def test_a_type_that_nobody_knows_costs_its_topic_only(tmp_path, expected):
     base.commit()
     base.close()
     events, notes = read(file)
-    assert {e[0] for e in expected} - {e[0] for e in events} == {
-        "Detected",
-        "Judged",
-        "Decided",
-        "Told",
-        "Truth",
-    }
-    assert [e for e in expected if e[0] in ("Bumps", "Pose")] == [
-        e for e in events if e[0] in ("Bumps", "Pose")
-    ]
+    left_out = {"Judged", "Decided", "Told", "Truth"}  # of cfnav's own types
+    assert {e[0] for e in expected} - {e[0] for e in events} == left_out
+    known = ("Bumps", "Detected", "Pose")
+    assert [e for e in expected if e[0] in known] == [e for e in events if e[0] in known]
     assert any(
         note.startswith("/policy/decision is left out, its type") and "no definition" in note
         for note in notes
