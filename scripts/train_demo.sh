@@ -7,7 +7,7 @@
 # Perception learns from 200 pictures of each of its own rooms, while they are rendered; that of any
 # other camera begins with the mast's. Training rooms train both policies, validation rooms end
 # stage one and choose checkpoints, test rooms are looked at once, at the end. Those shipped so far
-# learnt in 64 to 256 of these rooms (docs/training.md).
+# learnt in 192 or 256 of these rooms (docs/training.md).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

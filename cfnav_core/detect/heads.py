@@ -110,7 +110,7 @@ class NanoDet:
 
     Attributes:
         strides: sides of the cells of each scale, pixels.
-        bins: of a distance, what there is of them.
+        bins: how many a distance may have.
         middle: of a cell, from its upper left corner, in cells.
     """
 

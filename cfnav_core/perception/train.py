@@ -36,7 +36,7 @@ from cfnav_core.perception.picture_set import FIELDS, HEAD, PictureSet
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.trunk import Trunk
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in, tests
+from cfnav_core.task.rooms import furniture_of, is_test_room, room_folder, rooms_in
 
 HELD_OUT_EVERY = 20
 """The last of so many seeds is held out."""
@@ -104,7 +104,7 @@ class Shelf:
         self._looked = time.monotonic()
         self.training, self.held_out = [], []
         for kind, seed in rooms_in(self._folder, HEAD):
-            if tests(kind, seed):
+            if is_test_room(kind, seed):
                 raise ValueError(
                     f"found pictures of {kind}:{seed} in {self._folder}, a room that tests, from "
                     "which perception must not learn; take them out"

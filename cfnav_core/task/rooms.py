@@ -120,7 +120,7 @@ def split_of(name: str, seed: int) -> str:
     return next((split for split, seeds in SPLITS[name].items() if seed in seeds), "")
 
 
-def tests(kind: str, seed: int) -> bool:
+def is_test_room(kind: str, seed: int) -> bool:
     """Whether a room is one of those that test, from which nothing learns."""
     names = ("data1", "data2", "worlds") if furniture_of(kind) == BUILT_IN else ("worlds",)
     return any(split_of(name, seed) == "test" for name in names)

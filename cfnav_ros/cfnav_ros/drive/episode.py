@@ -16,7 +16,7 @@ from cfnav_core.task.actions import Action
 from cfnav_core.task.camera import MAST
 from cfnav_ros.drive.conduct import Conduct
 from cfnav_ros.drive.inputs import SensorInputs
-from cfnav_ros.drive.limits import EpisodeLimits, with_live
+from cfnav_ros.drive.limits import EpisodeLimits, given_p_hat, with_live
 from cfnav_ros.drive.motion import Motion, Status
 from cfnav_ros.drive.own_motion import NOT_BACK, NOT_LEFT, Begin, OwnMotion
 from cfnav_ros.drive.phases import NOT_DRIVEN, Output, Phase, StepRecord
@@ -284,9 +284,8 @@ class Episode:
         except ValueError as error:
             self.fail(str(error))
             return
-        estimate = inputs.estimate.estimate
         self._met = self._conduct.met.ahead(inputs.odometry)
-        said = max(estimate.probability, float(self._met is not None))
+        said = given_p_hat(inputs.estimate.estimate, self._met is not None)
         lidar = said if self._limits.lidar else None
         self._answer = self._submit(
             self._policy.act, view, lidar, self._limits.p_hat_kind, tuple(self._lidar_said)
@@ -321,7 +320,7 @@ class Episode:
         )
         if vetoed:
             self._enter(Phase.OBSERVE, t)
-            if self._met and decision.action is Action.MoveAhead:
+            if self._met and self._limits.veto and decision.action is Action.MoveAhead:
                 self.fail(self._conduct.meet_again(self._met))
             return Output(record=record)
         return replace(self._execute(decision.action, t, inputs), record=record)
@@ -336,9 +335,8 @@ class Episode:
         if action not in (Action.MoveAhead, Action.Done):
             return False
         looks = (self._observed.estimate.estimate, inputs.estimate.estimate)
-        closed = self._limits.veto and self._met is not None
-        taken = action is Action.MoveAhead and (closed or any(map(self._limits.forbids, looks)))
-        return taken or self._conduct.displaced
+        closed = self._limits.forbids(looks, self._met is not None)
+        return (action is Action.MoveAhead and closed) or self._conduct.displaced
 
     def _execute(self, action: Action, t: float, inputs: SensorInputs) -> Output:
         if action is Action.Done:

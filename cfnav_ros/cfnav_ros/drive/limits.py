@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TypeVar
 
@@ -102,11 +103,17 @@ class EpisodeLimits:
         """
         return self.p_hat != "own"
 
-    def forbids(self, estimate: Estimate) -> bool:
-        """Whether the LiDAR's veto forbids a MoveAhead."""
-        if not self.veto:
-            return False
+    def forbids(self, looks: Iterable[Estimate], met_before: bool) -> bool:
+        """Whether the veto forbids a MoveAhead: by one look at the way, or as it met something."""
+        return self.veto and (met_before or any(map(self._closed, looks)))
+
+    def _closed(self, estimate: Estimate) -> bool:
         return estimate.verdict is Verdict.BLIND or estimate.probability >= self.veto_probability
+
+
+def given_p_hat(estimate: Estimate, met_before: bool) -> float:
+    """The LiDAR's probability as a policy is given it: 1 where a MoveAhead met something before."""
+    return 1.0 if met_before else estimate.probability
 
 
 def with_live(running: T, changed: T) -> T:

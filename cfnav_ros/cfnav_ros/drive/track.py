@@ -32,8 +32,8 @@ BUMP_GAP_S = 0.5
 """Contacts closer in time than this are one bump."""
 
 ASIDE_M = 0.10
-"""Half of the width of a way that is taken to be the same, metres: what was met may be as thin as
-the foot of a lamp, but is seldom narrower than this from where the robot stops again."""
+"""A MoveAhead that passes a stop by no more than this leads to it, metres: about half a hull's
+radius."""
 
 
 class Track:

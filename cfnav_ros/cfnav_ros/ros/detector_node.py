@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CompressedImage, Image, JointState
 
 from cfnav_core.detect.detector import LEAST, OnnxDetector
 from cfnav_core.robot.robot import robot_setting
@@ -91,6 +92,12 @@ class DetectorNode(Node):
         self.create_subscription(
             Odometry, robot.topics["odom"].name, self._on_odometry, qos_profile_sensor_data
         )
+        self._tilt, self._joint = Tilt(), robot.tilt_joint
+        if robot.tilts:
+            self.create_subscription(
+                JointState, robot.topics["joint_states"].name, self._on_joints,
+                qos_profile_sensor_data,
+            )  # fmt: skip
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._on_second, clock=steady)
         width, height = detector.size[::-1]
@@ -107,11 +114,16 @@ class DetectorNode(Node):
         except ValueError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=2.0)
 
+    def _on_joints(self, message: JointState) -> None:
+        """Tells whether the camera tilts."""
+        with suppress(ValueError):  # the policy node says what is wrong with it
+            self._tilt = fields.tilt_from_message(message, self._joint) or self._tilt
+
     def _on_picture(self, message: Image | CompressedImage) -> None:
         self._rate.note(time.monotonic())
         try:
             frame = conversions.frame_from_message(message)
-            seen = self._watch.look(frame, self._odometry, Tilt())
+            seen = self._watch.look(frame, self._odometry, self._tilt)
             if wrong := seen.fault or seen.waiting:
                 raise ValueError(wrong)
             found = self._found(frame.decode())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -18,7 +18,7 @@ pytest.importorskip("vision_msgs.msg", reason="ros_ws is not built: run 'make se
 from builtin_interfaces.msg import Time  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
-from sensor_msgs.msg import CompressedImage, Image  # noqa: E402
+from sensor_msgs.msg import CompressedImage, Image, JointState  # noqa: E402
 from vision_msgs.msg import Detection2DArray  # noqa: E402
 
 from cfnav_core.robot.robot import SHIPPED as ROBOTS  # noqa: E402
@@ -100,60 +100,25 @@ def test_detections_bear_the_pictures_stamp(
     assert process.interrupt() == 0
 
 
-def test_of_a_frozen_camera_nothing_is_told(
-    start_process: Callable, ros_domain_id: int, model: Path
-) -> None:
-    """Its last picture may show nothing, and an empty message under new stamps is no news."""
+@pytest.fixture
+def camera(start_process: Callable, ros_domain_id: int, model: Path) -> Iterator[Camera]:
+    """The camera of a detector that runs."""
     process = start_process(
         "cfnav_ros.ros.detector_node", "--ros-args", "-p", f"model:={model}", "-p", "labels:=coco"
     )
     camera = Camera(ros_domain_id, Image, "oakd/rgb/preview/image_raw")
-    noisy = picture(20)
-    for k in range(10):  # at rest, each with its own noise
-        noisy.header.stamp = Time(sec=20 + k)
-        noisy.data = bytes([k]) + bytes(noisy.data)[1:]
-        camera.show(noisy)
-    stamps = itertools.count(30)
-
-    def repeat() -> None:
-        noisy.header.stamp = Time(sec=next(stamps))
-        camera.pictures.publish(noisy)
-
-    camera.wait(
-        lambda: any("camera is frozen" in s.message for told in camera.told for s in told.status),
-        "a sentence about the camera",
-        repeat,
-    )
-    last = max(said.header.stamp.sec for said in camera.found)
-    assert last < next(stamps) - 1
-    noisy.data = bytes([99]) + bytes(noisy.data)[1:]
-    noisy.header.stamp = Time(sec=next(stamps))
-    assert camera.show(noisy).header.stamp == noisy.header.stamp
+    yield camera
     camera.close()
     assert process.interrupt() == 0
 
 
-def test_a_camera_without_noise_is_frozen_when_the_robot_moves(
-    start_process: Callable, ros_domain_id: int, model: Path
-) -> None:
-    process = start_process(
-        "cfnav_ros.ros.detector_node", "--ros-args", "-p", f"model:={model}", "-p", "labels:=coco"
-    )
-    camera = Camera(ros_domain_id, Image, "oakd/rgb/preview/image_raw")
-    odometry = camera.node.create_publisher(Odometry, "odom", 10)
-    moved = Odometry()
-    moved.pose.pose.orientation.w = 1.0
-    odometry.publish(moved)
-    stamps = itertools.count(10)
-    for stamp in itertools.islice(stamps, 20):
-        assert camera.show(picture(stamp)).header.stamp.sec == stamp, "at rest it tells"
+def freeze(camera: Camera, message: Image, each: Callable[[Time], None]) -> None:
+    """Repeat a picture under new stamps until the node says so; ``each`` is called before one."""
+    stamps = itertools.count(message.header.stamp.sec + 1)
 
     def repeat() -> None:
-        now = Time(sec=next(stamps))
-        moved.header.stamp, moved.pose.pose.position.x = now, 1.0
-        odometry.publish(moved)
-        message = picture(0)
-        message.header.stamp = now
+        message.header.stamp = Time(sec=next(stamps))
+        each(message.header.stamp)
         camera.pictures.publish(message)
 
     camera.wait(
@@ -161,8 +126,54 @@ def test_a_camera_without_noise_is_frozen_when_the_robot_moves(
         "a sentence about the camera",
         repeat,
     )
-    camera.close()
-    assert process.interrupt() == 0
+
+
+def test_of_a_frozen_camera_nothing_is_told(camera: Camera) -> None:
+    """Its last picture may show nothing, and an empty message under new stamps is no news."""
+    noisy = picture(20)
+    for k in range(10):  # at rest, each with its own noise
+        noisy.header.stamp = Time(sec=20 + k)
+        noisy.data = bytes([k]) + bytes(noisy.data)[1:]
+        camera.show(noisy)
+    freeze(camera, noisy, lambda stamp: None)
+    last = noisy.header.stamp.sec
+    assert max(said.header.stamp.sec for said in camera.found) < last
+    noisy.data = bytes([99]) + bytes(noisy.data)[1:]
+    noisy.header.stamp = Time(sec=last + 1)
+    assert camera.show(noisy).header.stamp == noisy.header.stamp
+
+
+def test_a_camera_without_noise_is_frozen_when_the_robot_moves(camera: Camera) -> None:
+    odometry = camera.node.create_publisher(Odometry, "odom", 10)
+    moved = Odometry()
+    moved.pose.pose.orientation.w = 1.0
+    odometry.publish(moved)
+    for stamp in range(10, 30):
+        assert camera.show(picture(stamp)).header.stamp.sec == stamp, "at rest it tells"
+    moved.pose.pose.position.x = 1.0
+
+    def drive(stamp: Time) -> None:
+        moved.header.stamp = stamp
+        odometry.publish(moved)
+
+    freeze(camera, picture(30), drive)
+
+
+def test_what_changes_as_the_camera_tilts_is_no_noise(camera: Camera) -> None:
+    """A camera without noise that has tilted, and then rests, still tells."""
+    joints = camera.node.create_publisher(JointState, "joint_states", 10)
+    camera.wait(joints.get_subscription_count, "the node to listen")
+    for k in range(12):
+        angle = JointState(name=["camera_tilt"], position=[-0.05 * k])
+        angle.header.stamp = Time(sec=10 + k)
+        joints.publish(angle)
+        joints.wait_for_all_acked()
+        shown = picture(10 + k)
+        shown.data = bytes([k]) + bytes(shown.data)[1:]
+        camera.show(shown)
+    for stamp in range(30, 45):
+        shown.header.stamp = Time(sec=stamp)
+        assert camera.show(shown).header.stamp.sec == stamp
 
 
 def test_pictures_may_be_compressed_and_without_things(

@@ -46,7 +46,7 @@ from cfnav_ros.bags.replay.view import ReplayView, view
 from cfnav_ros.drive.camera_watch import WHOLE, Crop, fitting
 from cfnav_ros.drive.detection_watch import DetectionWatch
 from cfnav_ros.drive.inputs import DETECTIONS, PICTURE
-from cfnav_ros.drive.limits import EpisodeLimits
+from cfnav_ros.drive.limits import EpisodeLimits, given_p_hat
 from cfnav_ros.robot.stamps import seconds
 
 WAIT_NS = 1_000_000_000
@@ -85,9 +85,8 @@ class _Moment:
     @property
     def lidar(self) -> float | None:
         """What a policy that drives is given of the LiDAR."""
-        if self.estimate is None:
-            return None
-        return max(self.estimate.estimate.probability, float(self.met_before))
+        judged = self.estimate
+        return given_p_hat(judged.estimate, self.met_before) if judged else None
 
 
 @dataclass
@@ -380,9 +379,8 @@ class Replay:
         kind = self._limits.p_hat_kind if judged else "own"
         decision = runner.policy.decide(seen, moment.lidar, kind, tuple(self._lidar_said))
         looks = [j.estimate for j in (judged, moment.newest) if j] if judged else []
-        closed = moment.met_before and self._limits.veto
-        taken = closed or any(map(self._limits.forbids, looks))
-        vetoed = decision.action is Action.MoveAhead and taken
+        closed = self._limits.forbids(looks, moment.met_before)
+        vetoed = decision.action is Action.MoveAhead and closed
         return ReplayStep(
             bag=self._bag, bundle=runner.name, driver=self._driver, drive_ns=self._drive_ns,
             goal=self._goal, step=moment.step, t_ns=moment.t_ns, until_ns=moment.t_ns,
