@@ -104,9 +104,9 @@ class TrainOptions:
     stage1_patience: int = 5
     """Validations without a gain that end a stage one with --stage1-most."""
     leave_out: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """A goal that is never asked for, in training and validation; given as often as needed. Models
-    that take goals they never trained on can then be tested on it. Rooms without another goal are
-    left out, too."""
+    """A goal that is neither asked for nor detected, in training and validation; given as often as
+    needed. Models that take goals they never trained on can then be tested on it. Rooms without
+    another goal are left out, too."""
     knowledge: Path | None = None
     """What the model knows of the objects (cfnav data knowledge); compact needs nothing."""
     validation_every: int = 15_000

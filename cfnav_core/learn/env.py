@@ -23,7 +23,7 @@ from cfnav_core.learn.blocks import Blocks
 from cfnav_core.models.base import ObservationSpec
 from cfnav_core.scenes.draw import Law
 from cfnav_core.scenes.scene import OfflineScene, SceneError
-from cfnav_core.scenes.select import camera_of, law_of, open_scenes, without_goals
+from cfnav_core.scenes.select import camera_of, law_of, open_scenes, without
 from cfnav_core.task.actions import Action
 from cfnav_core.task.limits import step_limit
 from cfnav_core.task.vocabulary import ROOM_TYPES
@@ -164,8 +164,8 @@ class SceneBank:
     ) -> SceneBank:
         """Open scenes of a folder or a store, see ``scenes.open_scenes``.
 
-        A store of published data draws as its code does. Goals to leave out are not asked for,
-        nor are scenes that have no other.
+        A store of published data draws as its code does. Goals to leave out are neither asked for
+        nor detected, and scenes that have no other are not there.
 
         Raises:
             SceneError: none there, one named is missing, or one is damaged.
@@ -173,7 +173,7 @@ class SceneBank:
         """
         scenes = open_scenes(folder, rooms)
         if leave_out:
-            scenes = without_goals(scenes, leave_out)
+            scenes = without(scenes, leave_out)
         return cls(scenes, law=law_of(folder), device=device, in_memory=in_memory)
 
     @property

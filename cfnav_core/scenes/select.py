@@ -79,23 +79,27 @@ def camera_of(scenes: Sequence[OfflineScene]) -> CameraSetUp | None:
     return None
 
 
-def without_goals(scenes: Sequence[OfflineScene], goals: Sequence[str]) -> list[OfflineScene]:
-    """Scenes in which some goals are not asked for, without those that have no other.
+def without(scenes: Sequence[OfflineScene], names: Sequence[str]) -> list[OfflineScene]:
+    """Scenes in which some objects are neither asked for nor detected; those without a goal drop out.
 
     Raises:
-        ValueError: nobody knows a goal, or no scene is left.
+        ValueError: nobody knows an object, or no scene is left.
     """
     objects = scenes[0].objects
-    if unknown := set(goals) - set(objects):
+    if unknown := set(names) - set(objects):
         raise ValueError(
             f"found the goals {', '.join(sorted(unknown))} to leave out, expected some of "
             f"{', '.join(objects)}"
         )
-    left = [replace(s, goals=tuple(g for g in s.goals if g not in goals)) for s in scenes]
-    kept = [scene for scene in left if scene.goals]
+    kept = []
+    for scene in scenes:
+        if goals := tuple(g for g in scene.goals if g not in names):
+            detections = np.array(scene.detections)
+            detections[:, [objects.index(name) for name in names]] = 0
+            kept.append(replace(scene, goals=goals, detections=detections))
     if not kept:
         raise ValueError(
-            f"found no room with another goal than {', '.join(goals)}, expected one; "
+            f"found no room with another goal than {', '.join(names)}, expected one; "
             "leave out fewer goals or give more rooms"
         )
     return kept

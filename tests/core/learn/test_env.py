@@ -159,13 +159,20 @@ def test_large_features_stay_on_disk_and_small_ones_are_joined_once(tmp_path):
     assert peaks[2**40] - peaks[0] < 2.4 * megabytes
 
 
-def test_goals_that_are_left_out_are_never_asked_for(tmp_path: Path) -> None:
+def test_goals_that_are_left_out_are_neither_asked_for_nor_detected(tmp_path: Path) -> None:
     hall(name="kitchen:0").save(tmp_path / "kitchen_00000")
     hall(name="kitchen:1", goals={"Mug": (0, 0)}).save(tmp_path / "kitchen_00001")
-    bank = SceneBank.load(tmp_path, leave_out=["Mug"])
-    assert bank.names == ["kitchen:0"]
-    assert {bank.objects[goal] for goal in bank.tasks.goal} == {"Laptop"}
-    assert "Mug" in bank.objects  # it is still seen
+    mug = SceneBank.load(tmp_path).objects.index("Mug")
+    states = torch.arange(hall().num_states)
+    for in_memory in (True, False):
+        every = SceneBank.load(tmp_path, ["kitchen:0"], in_memory=in_memory)
+        bank = SceneBank.load(tmp_path, in_memory=in_memory, leave_out=["Mug"])
+        assert bank.names == ["kitchen:0"]
+        assert {bank.objects[goal] for goal in bank.tasks.goal} == {"Laptop"}
+        expected = every.observe(states)[1].clone()
+        assert expected[:, mug].any()
+        expected[:, mug] = 0
+        assert torch.equal(bank.observe(states)[1], expected)
     with pytest.raises(ValueError, match="found the goals Unicorn to leave out"):
         SceneBank.load(tmp_path, leave_out=["Unicorn"])
     with pytest.raises(ValueError, match="found no room with another goal than Laptop, Mug"):
