@@ -80,7 +80,7 @@ def camera_of(scenes: Sequence[OfflineScene]) -> CameraSetUp | None:
 
 
 def without(scenes: Sequence[OfflineScene], names: Sequence[str]) -> list[OfflineScene]:
-    """Scenes in which some objects are neither asked for nor detected; those without a goal drop out.
+    """Scenes where some objects are neither asked for nor detected; without a goal they drop out.
 
     Raises:
         ValueError: nobody knows an object, or no scene is left.
