@@ -1,8 +1,8 @@
 """What a policy knew when it said Done: ``python -m studies.eyes.wrong_dones POLICY``.
 
-Of policies that read sightings, in scenes that ``cfnav rooms boxes`` made. A Done may be wrong
-since the goal was never sighted and the policy gave up, since it was sighted before and is not in
-view where it was expected, or since what is sighted is further away than it is taken to be.
+A Done may be wrong since the goal was never detected and the policy gave up, since it was detected
+before and is not in view where it was expected, or since what is detected is no goal, or further
+away than it is taken to be. How far the goal then is tells these apart.
 """
 
 from __future__ import annotations
@@ -16,22 +16,39 @@ import numpy as np
 import tyro
 
 from cfnav_core.command import run_options
+from cfnav_core.learn.env import SceneBank
 from cfnav_core.learn.evaluate import Evaluation, evaluate
 from cfnav_core.scenes.scene import SceneError
 from cfnav_core.task.actions import Action
-from cfnav_core.task.detections import SIGHTINGS
+from cfnav_core.task.detections import (
+    DETECTED_ABOVE,
+    SCORES,
+    SIGHTINGS,
+    columns,
+    confidence_column,
+)
 from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 from studies.engine.pages import Cell, table
 
-NEVER, BEFORE = "never sighted", "sighted before, not now"
-NEAR = f"sighted now, by its distance within {VISIBLE_DISTANCE_M:g} m"
-FAR = "sighted now, further or nobody knows"
+NEVER, BEFORE = "never detected", "detected before, not now"
+NEAR = f"detected now, and taken to be within {VISIBLE_DISTANCE_M:g} m"
+FAR = "detected now, further or nobody knows"
+
+BEYOND_M = 2.0
+"""A goal further away than this is not the thing that was taken for it, or taken for near."""
+
+
+def _share(name: str) -> Cell:
+    return lambda row: "" if row[name] is None else f"{row[name]:.2f}"
+
 
 COLUMNS: dict[str, Cell] = {
     "the goal is": lambda row: row["known"],
     "Dones": lambda row: f"{row['dones']:,}",
-    "right": lambda row: f"{row['right']:.2f}" if row["dones"] else "",
-    "share of the wrong": lambda row: f"{row['of_wrong']:.2f}",
+    "right": _share("right"),
+    "share of the wrong": _share("of_wrong"),
+    f"of these the goal is within {VISIBLE_DISTANCE_M:g} m": _share("within"),
+    f"further than {BEYOND_M:g} m": _share("beyond"),
 }
 
 
@@ -42,53 +59,76 @@ class WrongDonesOptions:
     policy: Annotated[Path, tyro.conf.Positional]
     """A bundle, or a checkpoint such as best.safetensors."""
     scenes: Path
-    """Folder of scenes (cfnav rooms boxes)."""
+    """Folder of scenes (cfnav rooms make, cfnav rooms boxes)."""
     rooms: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; all when absent."""
     episodes: int = 4000
     """Frozen episodes."""
     seed: int = 0
     """Draws starts and goals."""
-    p_hat: str = "lidar"
+    p_hat: str = "own"
     """As for cfnav evaluate."""
 
 
-def rows(found: Evaluation) -> list[dict[str, Any]]:
-    """Dones by what was known, how many of them were right, and their share of the wrong ones.
+def _detected(bank: SceneBank) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each object is detected in each state, and taken to be near: bool [S, C] each.
 
     Raises:
-        SceneError: scenes whose detections are no sightings.
+        SceneError: scenes whose detections say nothing of near.
     """
-    scenes = found.bank.scenes
-    if others := [s.name for s in scenes if s.fields != SIGHTINGS]:
+    fields = bank.inputs.fields
+    if fields not in (SCORES, SIGHTINGS):
         raise SceneError(
-            f"found {others[0]} without sightings, expected them; make it with cfnav rooms boxes"
+            f"found {bank.names[0]} with detections of {', '.join(fields) or 'nothing'}, expected "
+            "such as say what is near; make scenes with cfnav rooms make or cfnav rooms boxes"
         )
-    sure, far = (
-        np.concatenate([s.detections[:, :, SIGHTINGS.index(field)] for s in scenes])
-        for field in ("confidence", "distance")
-    )
-    goals = found.episodes.goals
+    at, sure = columns(fields), confidence_column(fields)
+
+    def of(column: int) -> np.ndarray:
+        return np.concatenate([s.detections[:, :, column] for s in bank.scenes])
+
+    if fields == SCORES:
+        near = of(at["near"].start) > DETECTED_ABOVE["score"]
+        return (of(sure) > DETECTED_ABOVE["score"]) | near, near
+    far = of(at["distance"].start)
+    return of(sure) > DETECTED_ABOVE["confidence"], (far > 0) & (far <= VISIBLE_DISTANCE_M)
+
+
+def rows(found: Evaluation) -> list[dict[str, Any]]:
+    """Dones by what was known: how many were right, and of the wrong how far the goal was.
+
+    Raises:
+        SceneError: scenes whose detections say nothing of near.
+    """
+    bank, goals = found.bank, found.episodes.goals
+    detected, close = _detected(bank)
     ever, known = np.zeros(len(goals), bool), np.full(len(goals), "", object)
+    metres = np.full(len(goals), np.inf)
     for step in found.trace:
         its = goals[step.episodes]
-        now = sure[step.states, its] > 0
+        now, near = detected[step.states, its], close[step.states, its]
         ever[step.episodes] |= now
-        near = (far[step.states, its] > 0) & (far[step.states, its] <= VISIBLE_DISTANCE_M)
         unseen = np.where(ever[step.episodes], BEFORE, NEVER)
         said = step.actions == Action.Done
         known[step.episodes[said]] = np.where(now, np.where(near, NEAR, FAR), unseen)[said]
-    right = np.array([result.success for result in found.results])
-    wrong = (known != "") & ~right
-    return [
-        {
-            "known": kind,
-            "dones": int((known == kind).sum()),
-            "right": float(right[known == kind].mean()) if (known == kind).any() else None,
-            "of_wrong": float((wrong & (known == kind)).sum() / max(wrong.sum(), 1)),
-        }
-        for kind in (NEVER, BEFORE, FAR, NEAR)
-    ]
+        place = bank.place[step.states[said]]
+        metres[step.episodes[said]] = bank.distance[place, its[said]].cpu().numpy()
+    wrong = (known != "") & ~np.array([result.success for result in found.results])
+    return [_row(kind, known == kind, wrong, metres) for kind in (NEVER, BEFORE, FAR, NEAR)]
+
+
+def _row(kind: str, its: np.ndarray, wrong: np.ndarray, metres: np.ndarray) -> dict[str, Any]:
+    def share(part: np.ndarray, whole: np.ndarray) -> float | None:
+        return float(part[whole].mean()) if whole.any() else None
+
+    return {
+        "known": kind,
+        "dones": int(its.sum()),
+        "right": share(~wrong, its),
+        "of_wrong": share(its, wrong),
+        "within": share(metres <= VISIBLE_DISTANCE_M, its & wrong),
+        "beyond": share(metres > BEYOND_M, its & wrong),
+    }
 
 
 def main(options: WrongDonesOptions) -> None:
