@@ -114,34 +114,72 @@ def optimizer_tensors(prefix: str, optimizer: torch.optim.Optimizer) -> dict[str
 
 
 def restore_optimizer(
-    prefix: str, optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]
+    path: Path, prefix: str, optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]
 ) -> None:
-    """Put back what ``optimizer_tensors`` took out."""
+    """Put back what ``optimizer_tensors`` took out.
+
+    Raises:
+        CheckpointError: it is of other weights.
+    """
+    weights = [weight for group in optimizer.param_groups for weight in group["params"]]
     state: dict[int, dict[str, Tensor]] = {}
     for name, value in tensors.items():
         if name.startswith(prefix + "."):
-            _, index, key = name.rsplit(".", 2)
-            state.setdefault(int(index), {})[key] = value
+            _, number, key = name.rsplit(".", 2)
+            index = int(number)
+            if index >= len(weights) or (value.dim() and value.shape != weights[index].shape):
+                raise CheckpointError(
+                    f"found a checkpoint of another network at {path}: {name} fits no weight of "
+                    f"{len(weights)}; name another file, or delete it to start again"
+                )
+            state.setdefault(index, {})[key] = value
     groups = optimizer.state_dict()["param_groups"]
     optimizer.load_state_dict({"state": state, "param_groups": groups})
+    # torch's fused optimizers walk numbers as they lie in memory, so those that go with a weight
+    # have to lie as the weight does
+    for weight, row in optimizer.state.items():
+        for key, value in row.items():
+            if value.dim():
+                row[key] = torch.empty_like(weight).copy_(value)
 
 
-def save_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, seen: int) -> None:
-    """Checkpoint of a supervised run: weights, optimizer and the number of samples seen."""
+def save_state(
+    path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, seen: int, run: dict[str, Any]
+) -> None:
+    """Checkpoint of a supervised run.
+
+    Args:
+        path: where to.
+        net, optimizer: their state is kept.
+        seen: samples.
+        run: settings that the result depends on, as JSON has them.
+    """
     tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
     tensors |= optimizer_tensors("optimizer", optimizer)
-    save_tensors(path, tensors, {"seen": seen}, SUPERVISED)
+    save_tensors(path, tensors, {"seen": seen, "run": run}, SUPERVISED)
 
 
-def load_state(path: Path, net: nn.Module, optimizer: torch.optim.Optimizer) -> int:
+def load_state(
+    path: Path, net: nn.Module, optimizer: torch.optim.Optimizer, run: dict[str, Any]
+) -> int:
     """Restore ``save_state``; returns the number of samples seen.
 
+    A file that was made before these had settings is taken as it is.
+
     Raises:
-        CheckpointError: damaged, or of another network.
+        CheckpointError: damaged, of another network, or of a run with other settings.
     """
     tensors, head = load_tensors(path, SUPERVISED)
+    before = head.get("run", run)
+    if other := [name for name in run if before.get(name) != run[name]]:
+        name = other[0]
+        raise CheckpointError(
+            f"found a checkpoint at {path} made with {name} {json.dumps(before.get(name))}, "
+            f"expected {json.dumps(run[name])}; a run goes on only as what it was: name another "
+            "--out, or delete it to start again"
+        )
     load_module(path, "net", net, tensors)
-    restore_optimizer("optimizer", optimizer, tensors)
+    restore_optimizer(path, "optimizer", optimizer, tensors)
     return int(head["seen"])
 
 

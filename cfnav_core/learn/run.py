@@ -215,8 +215,8 @@ class Run:
             self._check_stage1(source, head)
         load_module(source, "model", self.model, tensors)
         load_module(source, "predictor", self.predictor, tensors)
-        restore_optimizer("optimizer", self.optimizer, tensors)
-        restore_optimizer("predictor_optimizer", self.predictor_optimizer, tensors)
+        restore_optimizer(source, "optimizer", self.optimizer, tensors)
+        restore_optimizer(source, "predictor_optimizer", self.predictor_optimizer, tensors)
         self.episodes, self.steps = head["episodes"], head["steps"]
         self.stage1 = StageOne(**head.get("stage1", {}))
         if self.stage1.ended is not None:

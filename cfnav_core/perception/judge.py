@@ -51,6 +51,9 @@ def agreement(
         is_shown, is_near: what is true, bool [N, C].
         among: categories of either mean, for some of the pictures those of all, so that the same
             are compared; ``counted`` when absent. One that is so in none or all does not count.
+
+    Returns:
+        Figures by name; a mean over no category is NaN.
     """
     of_shown, of_near = among or (counted(is_shown), counted(is_near))
 
@@ -62,9 +65,14 @@ def agreement(
         return float(2 * (hit & is_near[:, c]).sum() / max(1, hit.sum() + is_near[:, c].sum()))
 
     each = aucs(shown, is_shown, of_shown)
+
+    def mean(values: list[float]) -> float:
+        known = [value for value in values if not np.isnan(value)]
+        return float(np.mean(known)) if known else float("nan")
+
     return {
-        "shown_auc_mean": float(np.nanmean(each)),
-        "near_auc_mean": float(np.nanmean(aucs(near, is_near, of_near))),
+        "shown_auc_mean": mean(each),
+        "near_auc_mean": mean(aucs(near, is_near, of_near)),
         "near_f1": f1(slice(None)),
         "false_alarms": float(((shown > 0.5) & ~is_shown).sum(1).mean()),
         "shown_auc_by_category": {

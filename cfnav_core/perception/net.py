@@ -9,6 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from cfnav_core.files.whole import whole, writing
 from cfnav_core.perception.augment import Labelled
 from cfnav_core.perception.describe import describe
 from cfnav_core.perception.perception import FEATURES, MAPS
@@ -147,13 +148,18 @@ def export_perception(
         path: where to.
         objects: what it detects, in the order of its maps.
         camera: that it learnt from, whose ``Sight`` is the network's.
+
+    Raises:
+        WriteError: the disk is full or refuses; what was there before stays whole.
     """
     net.eval()
     example = torch.zeros(2, *net.sight.picture, 3, dtype=torch.uint8)
-    torch.onnx.export(
-        ExportedPerception(net).eval(), (example,), str(path), dynamo=False, opset_version=17,
-        input_names=["pictures"], output_names=["features", "detections", MAPS],
-        dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections", MAPS)},
-        training=torch.onnx.TrainingMode.PRESERVE, do_constant_folding=False,
-    )  # fmt: skip
-    describe(path, objects, SCORES, camera)
+    with writing(path), whole(path) as partial:
+        torch.onnx.export(
+            ExportedPerception(net).eval(), (example,), str(partial), dynamo=False,
+            opset_version=17,
+            input_names=["pictures"], output_names=["features", "detections", MAPS],
+            dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections", MAPS)},
+            training=torch.onnx.TrainingMode.PRESERVE, do_constant_folding=False,
+        )  # fmt: skip
+        describe(partial, objects, SCORES, camera)

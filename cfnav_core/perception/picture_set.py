@@ -83,12 +83,17 @@ class PictureSet:
                 camera=CameraSetUp.from_json(head["camera"]),
                 source=head["source"], states=head["states"],
             )  # fmt: skip
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise ValueError(
                 f"found no readable picture set in {folder} ({error}); make it again with "
                 "cfnav rooms make --views N"
             ) from error
         expected = (len(out.pictures), *Sight.of(out.camera).picture, 3)
-        if out.near.shape[3:] != (len(out.objects),) or out.pictures.shape != expected:
+        if out.near.shape[3:] != (len(CATEGORIES),) or out.pictures.shape != expected:
             raise ValueError(f"found a picture set of another version in {folder}; make it again")
+        if out.objects != CATEGORIES:
+            raise ValueError(
+                f"found a picture set of other categories in {folder}, expected "
+                f"{', '.join(CATEGORIES)}; make it again with cfnav rooms make --views N"
+            )
         return out

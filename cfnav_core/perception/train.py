@@ -28,6 +28,7 @@ from cfnav_core.files.checkpoint import (
     save_state,
 )
 from cfnav_core.files.locks import locked
+from cfnav_core.files.provenance import sha256
 from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
@@ -94,11 +95,16 @@ class Shelf:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._looked = -float("inf")
+        self._opened: set[Path] = set()
         self.training: list[Path] = []
         self.held_out: list[Path] = []
 
     def look(self) -> None:
-        """See what sets there are, unless that was seen a moment ago."""
+        """See what sets there are, unless that was seen a moment ago.
+
+        Raises:
+            ValueError: a set is damaged, of a room that tests, or of another camera than the first.
+        """
         if time.monotonic() - self._looked < RESCAN_S:
             return
         self._looked = time.monotonic()
@@ -112,9 +118,16 @@ class Shelf:
             last = seed % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
             rooms = self.held_out if last else self.training
             rooms.append(room_folder(self._folder, kind, seed))
+        for folder in sorted({*self.training, *self.held_out} - self._opened):
+            if PictureSet.load(folder).camera != self.camera:
+                raise ValueError(
+                    f"found pictures of two cameras in {self._folder}, in {folder.name} of another "
+                    "than in the first; give each camera a folder of its own"
+                )
+            self._opened.add(folder)
 
     def wait(self, count: int) -> None:
-        """Wait until so many sets are there, one of them held out.
+        """Wait until so many sets are there, one of them held out and one not.
 
         Raises:
             ValueError: fewer than ``LEAST_SETS`` are there, or the next ones do not come within
@@ -124,14 +137,15 @@ class Shelf:
         while True:
             self.look()
             before, found = found, len(self.training) + len(self.held_out)
-            if found >= max(count, LEAST_SETS) and self.held_out:
+            if found >= max(count, LEAST_SETS) and self.held_out and self.training:
                 return
             since = since if found == before else time.monotonic()
             if not count or time.monotonic() - since > COMING_S:
                 raise ValueError(
-                    f"found {found} picture sets in {self._folder}, {len(self.held_out)} of them "
-                    f"held out, expected at least {max(count, LEAST_SETS)} and one; make them with "
-                    "cfnav rooms make --views 200"
+                    f"found {len(self.training)} picture sets to learn from and "
+                    f"{len(self.held_out)} held out (of seeds that end a score, as 1019) in "
+                    f"{self._folder}, expected one or more of each and "
+                    f"{max(count, LEAST_SETS)} in all; make them with cfnav rooms make --views 200"
                 )
             time.sleep(RESCAN_S)
 
@@ -144,18 +158,12 @@ class Shelf:
         """Random pictures of some random rooms.
 
         Raises:
-            ValueError: a set is damaged, or of another camera.
+            ValueError: a set is damaged.
         """
         rooms = rng.choice(len(self.training), min(ROOMS_A_BATCH, len(self.training)))
         rows = []
         for room, part in zip(rooms, np.array_split(np.arange(size), len(rooms)), strict=True):
             pictures = PictureSet.load(self.training[room])
-            if pictures.camera != self.camera:
-                raise ValueError(
-                    f"found pictures of two cameras in {self._folder}, in "
-                    f"{self.training[room].name} of another than in the first; give each camera a "
-                    "folder of its own"
-                )
             rows.append(
                 taken(pictures, np.sort(rng.integers(len(pictures.pictures), size=len(part))))
             )
@@ -259,11 +267,26 @@ def report(net: PerceptionNet, folders: list[Path]) -> dict[str, object]:
     }  # fmt: skip
 
 
+def _settings(options: PerceptionOptions, camera: CameraSetUp) -> dict[str, object]:
+    """What a run that goes on has to have in common with its checkpoint."""
+    try:
+        begin = sha256(options.begin) if options.begin else None
+    except OSError as error:
+        raise CheckpointError(
+            f"found no readable network at {options.begin} ({error}); name another file"
+        ) from error
+    return {
+        "camera": camera.to_json(), "begin": begin, "photographs": options.photographs,
+        "seed": options.seed, "batch": options.batch, "lr": options.lr,
+    }  # fmt: skip
+
+
 def train(options: PerceptionOptions) -> dict[str, object]:
     """Train, export and report.
 
     Raises:
-        ValueError: too few picture sets, a damaged one, or one of a room that tests.
+        ValueError: too few picture sets, a damaged one, one of a room that tests, or a checkpoint
+            of a run with other settings.
         OSError: another process writes the same network.
     """
     options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -291,10 +314,9 @@ def _train(options: PerceptionOptions) -> dict[str, object]:
         {"params": trunk, "share": TRUNK_RATE if options.photographs else 1.0},
     ]
     optimizer = torch.optim.AdamW(groups, options.lr, weight_decay=1e-2, fused=True)
-    checkpoint = options.out.with_suffix(".checkpoint")
-    seen = 0
+    checkpoint, run, seen = options.out.with_suffix(".checkpoint"), _settings(options, camera), 0
     if checkpoint.exists():
-        seen = load_state(checkpoint, net, optimizer)
+        seen = load_state(checkpoint, net, optimizer, run)
     elif options.begin:
         begin_with(net, options.begin)
     bar = tqdm(total=options.pictures, initial=seen, unit="picture", mininterval=10)
@@ -321,7 +343,7 @@ def _train(options: PerceptionOptions) -> dict[str, object]:
         if time.monotonic() - saved > options.checkpoint_s or seen >= options.pictures:
             terms_now = " ".join(f"{k} {v:.3f}" for k, v in smooth.items())
             bar.set_postfix_str(f"{len(shelf.training)} rooms {terms_now}")
-            save_state(checkpoint, net, optimizer, seen)
+            save_state(checkpoint, net, optimizer, seen, run)
             saved = time.monotonic()
     bar.close()
     export_perception(net, options.out, camera=camera)

@@ -14,7 +14,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -162,10 +161,10 @@ def run(options: RealOptions, command: str) -> str:
         title: {name: {"at_half": asdict(a), "even": asdict(b)} for name, a, b in found}
         for title, found in judged.items()
     }
-    write_json(options.out / "real.json", _plain({
+    write_json(options.out / "real.json", {
         "command": command, "commit": commit(), "rows": rows, "gains": gains,
         "networks": {n.name: n.sha256 for n in asked}, "scores": _scores_by_picture(seen),
-    }))  # fmt: skip
+    })  # fmt: skip
     for network in asked:
         _draw(seen, network, options.out)
     return page
@@ -221,15 +220,6 @@ def _scores_by_picture(seen: Seen) -> dict[str, dict[str, dict[str, float]]]:
         }
         for k, picture in enumerate(seen.pictures)
     }
-
-
-def _plain(value: Any) -> Any:
-    """Figures as JSON has them: None where there is no number."""
-    if isinstance(value, dict):
-        return {key: _plain(of) for key, of in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(of) for of in value]
-    return None if isinstance(value, float) and np.isnan(value) else value
 
 
 def _draw(seen: Seen, network: Network, out: Path) -> None:

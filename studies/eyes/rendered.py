@@ -75,10 +75,15 @@ def scores(network: OnnxPerception, folder: Path) -> Scores:
             built-in one does.
     """
     pictures, gives = PictureSet.load(folder), network.gives
-    if pictures.pictures.shape[1:3] != gives.size or set(gives.objects) != set(CATEGORIES):
+    if gives.size != pictures.pictures.shape[1:3] or gives.camera not in (None, pictures.camera):
         raise ValueError(
-            f"found pictures of {pictures.pictures.shape[1:3]} in {folder}, expected {gives.size} "
-            f"and a network that knows the {len(CATEGORIES)} categories; give fitting ones"
+            f"found pictures of {pictures.camera} in {folder}, expected those of {gives.camera}, "
+            f"{gives.size[1]} x {gives.size[0]} pixels; give a network of this camera"
+        )
+    if set(gives.objects) != set(CATEGORIES):
+        raise ValueError(
+            f"found a network that knows {', '.join(gives.objects)}, expected the "
+            f"{len(CATEGORIES)} categories of {folder}; give another"
         )
     at = columns(gives.fields)
     rows = [

@@ -17,6 +17,7 @@ from sim_bridge.world.world import World
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import BUILT_IN, OnnxPerception
 from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.perception.sight import Sight
 from cfnav_core.scenes.check import check_rooms
 from cfnav_core.scenes.scene import PICTURES, OfflineScene
 from cfnav_core.task.camera import CAMERAS, MAST
@@ -135,8 +136,9 @@ def test_views_are_made_again_when_they_are_others_or_fewer(tmp_path, capsys):
     assert not make(views=3, camera="lite")
     assert PictureSet.load(tmp_path / "kitchen_01000").camera == CAMERAS["lite"]
     assert not make(views=3, camera="lite", visual_shift=0.5)
-    (tmp_path / "kitchen_01000/set.json").write_text("{")
-    assert not make(views=3, camera="lite", visual_shift=0.5)
+    for damaged in ("{", "[]"):
+        (tmp_path / "kitchen_01000/set.json").write_text(damaged)
+        assert not make(views=3, camera="lite", visual_shift=0.5)
 
 
 def test_views_carry_consistent_labels(tmp_path):
@@ -149,6 +151,16 @@ def test_views_carry_consistent_labels(tmp_path):
     # one of two alike may be visible
     assert ((near > 0) & (near < shown)).any()
     assert 0.3 < views.depth.astype(float).mean() < 6
+
+
+@pytest.mark.parametrize("size", [(96, 65), (97, 64), (97, 65)])
+def test_pictures_of_an_odd_size_have_labels(size, tmp_path):
+    high = 2 * np.degrees(np.arctan(np.tan(np.radians(30)) * size[1] / size[0]))
+    camera = replace(CAMERAS["lite"], fov_deg=(60.0, float(high)), size=size)
+    render_views("kitchen", 1000, tmp_path, Look(camera, tmp_path), 2)
+    views = PictureSet.load(tmp_path / "kitchen_01000")
+    assert views.heat.any()
+    assert views.pictures.shape[1:3] == Sight.of(camera).picture == (32, 48)
 
 
 FULL_DISK = """

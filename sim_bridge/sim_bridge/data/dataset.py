@@ -203,6 +203,7 @@ def _coarse(full: np.ndarray, sight: Sight) -> np.ndarray:
 def _heat(category: np.ndarray, sight: Sight) -> np.ndarray:
     """uint8 [*Q, C] pixels of each category per cell, from int [H, W] ids of the full picture."""
     (rows, columns), side, kinds = sight.heat, 2 * CELL, len(CATEGORIES) + 1
+    category = category[: rows * side, : columns * side]  # without what halving an odd side leaves
     spare = rows * side - category.shape[0], columns * side - category.shape[1]
     around = [(gap // 2, gap - gap // 2) for gap in spare]
     padded = np.pad(category, around, constant_values=-1)

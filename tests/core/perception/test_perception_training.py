@@ -1,13 +1,15 @@
 """Training perception among sets that come while it runs, and what it then says."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from cfnav_core.files.checkpoint import CheckpointError, save_state
+from cfnav_core.files.checkpoint import SUPERVISED, CheckpointError, load_tensors, save_state
 from cfnav_core.files.locks import locked
+from cfnav_core.perception.augment import augment
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import OnnxPerception
 from cfnav_core.perception.sight import Sight
@@ -79,21 +81,89 @@ def test_a_network_begins_with_the_layers_of_another_camera(file, options, tmp_p
     torch.manual_seed(5)
     other, net = PerceptionNet(), PerceptionNet(sight=Sight.of(SMALL))
     other(torch.rand(4, 3, *other.sight.picture))  # norms that are not as they were born
-    save_state(tmp_path / "other.checkpoint", other, torch.optim.AdamW(other.parameters()), 64)
+    save_state(tmp_path / "other.checkpoint", other, torch.optim.AdamW(other.parameters()), 64, {})
     export_perception(other, tmp_path / "other.onnx")
     before = net.geometry.weight.clone()
     begin_with(net, tmp_path / file)
     for name in ("trunk.stages.2.last.0.weight", "fine.1.running_var", "context.bias"):
         assert torch.equal(net.state_dict()[name], other.state_dict()[name])
     assert torch.equal(net.geometry.weight, before)  # of another size
-    train(replace(options, pictures=64, begin=tmp_path / file))
+    begun = replace(options, begin=tmp_path / file)
+    train(replace(begun, pictures=64))
+    assert train(replace(begun, pictures=128))["seen"] == 128
+    with (tmp_path / file).open("ab") as same:
+        same.write(b" ")
+    with pytest.raises(CheckpointError, match=r"made with begin \".*, expected \".* only as what"):
+        train(replace(begun, pictures=192))
     (tmp_path / file).unlink()
-    assert train(replace(options, pictures=128, begin=tmp_path / file))["seen"] == 128
+    with pytest.raises(CheckpointError, match=r"found no readable network at .*other"):
+        train(replace(begun, pictures=192))
+
+
+def test_a_killed_run_ends_as_if_it_had_never_stopped(options, tmp_path, monkeypatch):
+    options = replace(options, pictures=320, checkpoint_s=0.0)
+    whole = replace(options, out=tmp_path / "whole.onnx")
+    train(whole)
+    left = 5
+
+    def until_killed(*given):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+        return augment(*given)
+
+    monkeypatch.setattr("cfnav_core.perception.train.augment", until_killed)
+    with pytest.raises(KeyboardInterrupt):
+        train(options)
+    monkeypatch.undo()
+    train(options)
+    ended, expected = (
+        load_tensors(of.out.with_suffix(".checkpoint"), SUPERVISED)[0] for of in (options, whole)
+    )
+    assert ended.keys() == expected.keys()
+    assert all(torch.equal(ended[name], expected[name]) for name in ended)
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [({"seed": 1}, "seed 0, expected 1"), ({"batch": 16}, "batch 32, expected 16"),
+     ({"photographs": False}, "photographs true, expected false")],
+)  # fmt: skip
+def test_a_run_goes_on_only_as_what_it_was(options, other, said):
+    train(replace(options, pictures=64))
+    with pytest.raises(CheckpointError, match=f"made with {said}; a run goes on only as what"):
+        train(replace(options, **other))
+
+
+def test_a_network_of_another_camera_is_not_gone_on_with(options, tmp_path):
+    train(replace(options, pictures=64))
+    for seed in (1000, 1001, 1002, 1019):
+        picture_set(tmp_path / "higher", seed, camera=replace(SMALL, z=0.5))
+    before = options.out.read_bytes()
+    with pytest.raises(CheckpointError, match=r"made with camera .*0\.3.*, expected .*0\.5"):
+        train(replace(options, data=tmp_path / "higher"))
+    assert options.out.read_bytes() == before
+
+
+def test_a_network_is_replaced_only_when_the_new_one_is_whole(options, tmp_path, monkeypatch):
+    net = PerceptionNet(sight=Sight.of(SMALL))
+    export_perception(net, options.out, camera=SMALL)
+    before = options.out.read_bytes()
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cfnav_core.perception.net.describe", killed)
+    with pytest.raises(KeyboardInterrupt):
+        export_perception(net, options.out, camera=SMALL)
+    assert options.out.read_bytes() == before
+    assert not list(tmp_path.glob("*.partial"))
 
 
 def test_what_no_network_was_saved_in_is_nothing_to_begin_with(tmp_path):
     layer = torch.nn.Linear(2, 2)
-    save_state(tmp_path / "other.checkpoint", layer, torch.optim.AdamW(layer.parameters()), 64)
+    save_state(tmp_path / "other.checkpoint", layer, torch.optim.AdamW(layer.parameters()), 64, {})
     with pytest.raises(
         CheckpointError, match=r"found no weights for trunk\.stem.* cfnav perception"
     ):
@@ -105,13 +175,36 @@ def test_what_no_network_was_saved_in_is_nothing_to_begin_with(tmp_path):
 
 def test_too_few_sets_are_one_sentence(tmp_path):
     picture_set(tmp_path, 1000)
-    with pytest.raises(ValueError, match=r"found 1 picture sets in .*, 0 of them held out"):
+    with pytest.raises(ValueError, match=r"found 1 picture sets to learn from and 0 held out"):
         train(PerceptionOptions(tmp_path, tmp_path / "p.onnx"))
 
 
-def test_sets_of_another_camera_are_one_sentence(options):
-    picture_set(options.data, 1004, camera=replace(SMALL, z=0.5))
-    with pytest.raises(ValueError, match=r"two cameras in .*, in kitchen_01004 of another"):
+def test_sets_that_are_all_held_out_are_one_sentence(tmp_path):
+    for seed in (1019, 1039, 1059, 1079):
+        picture_set(tmp_path, seed)
+    with pytest.raises(ValueError, match=r"found 0 picture sets to learn from and 4 held out"):
+        train(PerceptionOptions(tmp_path, tmp_path / "p.onnx"))
+
+
+@pytest.mark.parametrize("seed", [1004, 1039])
+def test_sets_of_another_camera_are_one_sentence(options, seed):
+    picture_set(options.data, seed, camera=replace(SMALL, z=0.5))
+    with pytest.raises(ValueError, match=rf"two cameras in .*, in kitchen_0{seed} of another"):
+        train(options)
+    assert not options.out.exists()
+
+
+@pytest.mark.parametrize("damage", ["empty array", "no head", "other words"])
+def test_a_damaged_set_is_one_sentence(options, damage):
+    room = options.data / "kitchen_01001"
+    if damage == "empty array":
+        (room / "near.npy").write_bytes(b"")
+    elif damage == "no head":
+        (room / "set.json").write_text("[]")
+    else:
+        head = json.loads((room / "set.json").read_text())
+        (room / "set.json").write_text(json.dumps(head | {"categories": head["categories"][::-1]}))
+    with pytest.raises(ValueError, match=r"found .* in .*kitchen_01001.*make it again"):
         train(options)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,5 +78,22 @@ def test_what_does_not_fit_is_one_sentence(tmp_path):
     with pytest.raises(ValueError, match="found no picture set in"):
         main(RenderedOptions(tmp_path))
     picture_set(tmp_path, 1000)
-    with pytest.raises(ValueError, match=r"found pictures of \(32, 48\) in .*expected \(150,"):
+    with pytest.raises(ValueError, match=r"found pictures of .*0\.3 m up.* in .*, expected .*1\.3"):
         main(RenderedOptions(tmp_path))
+    higher = replace(SMALL, z=0.5)  # pictures as large
+    export_perception(PerceptionNet(sight=Sight.of(higher)), tmp_path / "p.onnx", camera=higher)
+    with pytest.raises(ValueError, match=r"0\.3 m up.* expected .*0\.5 m up.* of this camera"):
+        main(RenderedOptions(tmp_path, (tmp_path / "p.onnx",)))
+
+
+def test_few_pictures_have_figures_without_means(tmp_path, capsys):
+    picture_set(tmp_path / "sets", 1000, count=5)
+    export_perception(PerceptionNet(sight=Sight.of(SMALL)), tmp_path / "p.onnx", camera=SMALL)
+    main(RenderedOptions(tmp_path / "sets", (tmp_path / "p.onnx",), tmp_path / "found.json"))
+
+    def no_number(word):
+        raise AssertionError(word)
+
+    said = json.loads((tmp_path / "found.json").read_text(), parse_constant=no_number)
+    assert said["networks"][0]["shown_auc_mean"] is None
+    assert "| built_in | 1 | 5 | nan |" in capsys.readouterr().out
