@@ -61,6 +61,9 @@ class DetectionSettings:
     )
     width: int = setting(0, "of the picture its boxes are in, pixels; 0: camera_info's", 0, 10000)
     height: int = setting(0, "the same of its height", 0, 10000)
+    squeezed: bool = setting(
+        False, "that picture shows all of camera_info's, squeezed to this width and height"
+    )
     far_by: Literal["lidar", "size", "nothing"] = setting(
         "lidar",
         "how far a thing is that it says nothing of: lidar (what is in its direction), size (how "
@@ -78,6 +81,10 @@ class DetectionSettings:
         if (self.width > 0) != (self.height > 0):
             raise ValueError(
                 f"detections.width is {self.width} and height {self.height}, expected both or none."
+            )
+        if self.squeezed and not self.width:
+            raise ValueError(
+                "detections.squeezed is true, expected detections.width and height beside it."
             )
 
 
@@ -152,11 +159,12 @@ class DetectionWatch:
         if not wide:
             return camera, ""
         aspect = wide / tall / (camera.width / camera.height)
-        if abs(aspect - 1) > ASPECT_TOLERANCE:
+        if abs(aspect - 1) > ASPECT_TOLERANCE and not self._settings.squeezed:
             return camera, (
                 f"The detector's picture is set to {wide}x{tall}, but camera_info tells of "
                 f"{camera.width}x{camera.height}, another shape: name the camera_info of the "
-                "picture that the detector is given."
+                "picture that the detector is given, or set detections.squeezed where it is given "
+                "all of this one."
             )
         return camera.scaled(wide, tall), ""
 

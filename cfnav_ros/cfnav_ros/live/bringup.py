@@ -82,6 +82,11 @@ class RobotBringup(Bringup):
 
     params: str = "robot.yaml"
     """Parameter file: a path, or the name of one that cfnav_bringup brings."""
+    detector: Path | None = None
+    """ONNX file of a detector to run on the robot's pictures, for a bundle that reads one."""
+    labels: str = ""
+    """What it learnt: coco, coco_ids, voc, objects365, open_images or a file; when absent as its
+    file says, and coco for the policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +117,10 @@ def parts_of(config: Bringup) -> list[NodeStart]:
         "wait_for_recorder": config.bag and True,
     }
     nodes = ["lidar_collision_node", "policy_node", *["recorder_node"] * bool(config.bag)]
+    if isinstance(config, RobotBringup) and config.detector:
+        nodes.append("detector_node")
+        labels = config.labels or None
+        given |= {"model": config.detector.resolve(), "labels": labels, "detections.labels": labels}
     if isinstance(config, SimulationBringup):
         nodes.append("mock_turtlebot4")
         given |= {"room": config.room or None, "seed": config.seed, "speed": config.speed}

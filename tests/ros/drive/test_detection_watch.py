@@ -133,6 +133,19 @@ def test_a_camera_info_that_is_no_view_is_a_fault(camera: Pinhole) -> None:
 def test_the_size_of_the_detectors_picture_has_the_shape_of_camera_info() -> None:
     found = watch(width=416, height=416).see(NS, [MIDDLE], 0.0).fault
     assert "set to 416x416, but camera_info tells of 448x252, another shape" in found
+    assert "or set detections.squeezed" in found
+
+
+def test_boxes_of_a_squeezed_picture_lie_where_those_of_the_whole_one_do() -> None:
+    whole = Claim("56", 0.8, (112.0, 63.0, 224.0, 189.0))
+    across, down = 416 / 448, 416 / 252
+    left, top, right, bottom = whole.box
+    squeezed = replace(whole, box=(left * across, top * down, right * across, bottom * down))
+    expected = watch().see(NS, [whole], 0.0).decode()
+    found = watch(width=416, height=416, squeezed=True).see(NS, [squeezed], 0.0).decode()
+    for one, same in zip(found, expected, strict=True):
+        assert (one.azimuth, one.elevation) == pytest.approx((same.azimuth, same.elevation))
+        assert (one.width, one.height) == pytest.approx((same.width, same.height))
 
 
 def test_the_camera_does_not_change_during_a_drive() -> None:
@@ -334,6 +347,8 @@ def test_what_the_robot_does_not_tell_is_refused() -> None:
 def test_settings_that_contradict_are_refused() -> None:
     with pytest.raises(ValueError, match="expected both or none"):
         DetectionSettings(width=300)
+    with pytest.raises(ValueError, match=r"squeezed is true, expected detections\.width"):
+        DetectionSettings(squeezed=True)
     with pytest.raises(ValueError, match=r"far_by is 'sonar', expected lidar, size, nothing"):
         DetectionSettings(far_by="sonar")
     with pytest.raises(ValueError, match="found no labels 'mine'"):

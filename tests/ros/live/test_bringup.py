@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -109,6 +110,19 @@ def test_robot_gets_the_file_the_namespace_and_what_was_given(tmp_path: Path) ->
         "-p", "wait_for_recorder:=true",
     )  # fmt: skip
     assert recorder.parameters == {"robot": "turtlebot4", "bag": f"{tmp_path}/bag"}
+
+
+def test_a_detector_sees_by_the_policys_robot_and_both_know_what_it_learnt(tmp_path: Path) -> None:
+    model = tmp_path / "yolo.onnx"
+    config = RobotBringup(robot="turtlebot4", bundle=Path("boxes"), detector=model)
+    lidar, detector, policy = parts_of(config)
+    assert lidar.executable == "lidar_collision_node"
+    assert detector.executable == "detector_node"
+    assert detector.parameters == {"robot": "turtlebot4", "model": str(model)}
+    assert policy.parameters["robot"] == "turtlebot4"
+    assert "detections.labels" not in policy.parameters
+    _, detector, policy = parts_of(replace(config, labels="voc"))
+    assert detector.parameters["labels"] == policy.parameters["detections.labels"] == "voc"
 
 
 def test_simulation_starts_the_mock_first() -> None:

@@ -31,6 +31,10 @@ ARGUMENTS = (
     DeclareLaunchArgument("bundle", default_value="", description="folder of a bundle"),
     DeclareLaunchArgument("goal", default_value="", description="sought from the start"),
     DeclareLaunchArgument(
+        "detector", default_value="", description="ONNX file of one, for a bundle that reads one"
+    ),
+    DeclareLaunchArgument("labels", default_value="", description="what it learnt, e.g. coco"),
+    DeclareLaunchArgument(
         "use_sim_time", default_value="", description="true or false; as in params when empty"
     ),
     DeclareLaunchArgument(
@@ -73,12 +77,17 @@ def nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     chosen = {
         "lidar_collision_node": True,
         "policy_node": given["drive"] == "true",
+        "detector_node": bool(given["detector"]),
         "recorder_node": bool(given["bag"]),
         "markers_node": given["rviz"] == "true",
     }
     told: dict[str, object] = {n: given[n] or None for n in ("robot", "bundle", "goal")}
     if given["use_sim_time"]:
         told["use_sim_time"] = given["use_sim_time"] == "true"
+    if given["detector"]:
+        labels = given["labels"] or None
+        model = Path(given["detector"]).resolve()
+        told |= {"model": model, "labels": labels, "detections.labels": labels}
     if given["bag"]:
         told |= {"bag": Path(given["bag"]).resolve(), "wait_for_recorder": True}
     started = parts([name for name, there in chosen.items() if there], told)
