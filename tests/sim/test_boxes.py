@@ -69,6 +69,18 @@ def test_a_scene_is_of_the_room_as_the_camera_sees_it(true: OfflineScene) -> Non
     }  # fmt: skip
 
 
+def test_what_scores_less_than_the_least_does_not_count(tmp_path: Path) -> None:
+    every, sure = (made(tmp_path / str(n), distance="lidar", least=n) for n in (0.3, 0.5))
+    expected = np.array(every.detections)
+    expected[expected[:, :, SIGHTINGS.index("confidence")] < 0.5] = 0
+    assert expected.any()
+    assert (expected != every.detections).any()
+    np.testing.assert_array_equal(sure.detections, expected)
+    assert sure.perception == f"{every.perception}, from 0.5 on"
+    with pytest.raises(ValueError, match="found --least 2, expected a score"):
+        made(tmp_path, least=2.0)
+
+
 def test_features_are_how_near_things_are_ahead(true: OfflineScene) -> None:
     world = World(generate_room(*ROOM), False)
     grid = state_grid(world, WIDE.horizons)

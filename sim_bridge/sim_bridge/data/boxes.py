@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from cfnav_core.command import need
+from cfnav_core.detect.detector import LEAST
 from cfnav_core.detect.errors import SHIPPED, ErrorModel, Thing
 from cfnav_core.detect.sightings import (
     SIZES,
@@ -77,6 +78,8 @@ class BoxOptions:
     distance: Literal["size", "lidar", "depth", "nothing", "mixed"] = "mixed"
     """How it is known how far a thing is: by how large things of its name are, by the LiDAR in the
     direction of its box, by a depth camera, or not; mixed: one of the first three in each room."""
+    least: float = LEAST
+    """Score of what counts, as the policy node's ``detections.least``."""
     processes: int = 2
     """Rooms made at the same time."""
 
@@ -88,7 +91,8 @@ class BoxOptions:
     def kind(self) -> str:
         """What makes the boxes."""
         errors, sizes = sha256(self.errors)[:8], sha256(SIZES)[:8]
-        return f"boxes {BOXES_VERSION}, errors {errors}, sizes {sizes}, far by {self.distance}"
+        made = f"boxes {BOXES_VERSION}, errors {errors}, sizes {sizes}, far by {self.distance}"
+        return made if self.least == LEAST else f"{made}, from {self.least:g} on"
 
 
 def way_of(kind: str, seed: int, options: BoxOptions) -> By:
@@ -126,7 +130,10 @@ def box_scene(kind: str, seed: int, options: BoxOptions) -> None:
             features.append(nearness(ranges))
             ranging = far(ranges)
             said = model.says(things.seen(pose, owner), CATEGORIES, set_up.size, degree, rng)
-            seen = [(sighted(found, pinhole, pose.tilt), thing) for found, thing in said]
+            seen = [
+                (sighted(found, pinhole, pose.tilt), thing)
+                for found, thing in said if found.score >= options.least
+            ]  # fmt: skip
             rows.append(table((replace(s, distance=ranging(s, of)) for s, of in seen), CATEGORIES))
     scene = bare_scene(world, grid, set_up, room_source(kind), CATEGORIES, np.stack(visible))
     replace(
@@ -198,7 +205,7 @@ def run(options: BoxOptions) -> None:
     """Make every room's that is not there yet.
 
     Raises:
-        ValueError: bad rooms, camera or errors, or furniture that is not installed.
+        ValueError: bad rooms, camera, errors or score, or furniture that is not installed.
         OSError: a file cannot be written.
     """
     need("mujoco")
@@ -206,6 +213,8 @@ def run(options: BoxOptions) -> None:
 
     ErrorModel.load(options.errors)
     CameraSetUp.read(options.camera)
+    if not 0 <= options.least <= 1:
+        raise ValueError(f"found --least {options.least:g}, expected a score from 0 to 1")
     rooms = asked_for(options.rooms or ["data2:train"], options.furniture)
     todo = [room for room in rooms if not _there(*room, options)]
     made = made_of_each(box_scene, todo, options, processes=options.processes)
