@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -60,12 +61,20 @@ def save_knowledge(path: Path, knowledge: Knowledge, head: KnowledgeHead) -> Non
     write_file(path, save(tables, {"head": text}))
 
 
-def load_knowledge(path: Path, objects: tuple[str, ...], perception: str) -> Knowledge:
+def load_knowledge(
+    path: Path, objects: tuple[str, ...], perception: str, scenes: Collection[str] | None = None
+) -> Knowledge:
     """Read knowledge for scenes with these objects and this perception.
+
+    Args:
+        path: of the file.
+        objects: of the scenes.
+        perception: identity of what looked at them.
+        scenes: those that train, which it may have been made from; any when None.
 
     Raises:
         KnowledgeError: it is missing, damaged, or made from scenes of other objects or another
-            perception.
+            perception, or from others than those that train.
     """
     tables, head = _open(path)
     if head.objects != tuple(objects):
@@ -75,6 +84,11 @@ def load_knowledge(path: Path, objects: tuple[str, ...], perception: str) -> Kno
         raise KnowledgeError(
             f"found knowledge at {path} from detections of perception {head.perception}, but the "
             f"scenes have {perception}; {AGAIN}"
+        )
+    if scenes is not None and (others := sorted(set(head.scenes) - set(scenes))):
+        raise KnowledgeError(
+            f"found knowledge at {path} made from {others[0]} and {len(others) - 1} more that do "
+            f"not train, expected none, as they may validate or test; {AGAIN}"
         )
     _check(tables, len(objects), path)
     return Knowledge(**tables)

@@ -81,13 +81,17 @@ class Candidate:
         """
         if path.is_file():
             trained = TrainedAgent.load(path)
-            learnt = TorchNetworks(
+            learnt: Networks = TorchNetworks(
                 trained.agent.model, trained.agent.predictor, trained.feeds_prediction
             )
+            further = len(trained.head.get("further", ()))
+            if further:
+                learnt = _Wider(learnt, further)
             what = {"checkpoint": str(path), **_origin(trained.head)}
             inputs, made_by = trained.inputs, trained.head["perception"]
             goals, sightings = tuple(trained.head["goals"]), inputs.fields == SIGHTINGS
-            return cls(learnt, made_by, inputs.objects, goals, what, sightings)
+            objects = inputs.objects[: len(inputs.objects) - further]
+            return cls(learnt, made_by, objects, goals, what, sightings)
         folder = find_bundle(path)
         head = BundleHead.load(folder)
         sightings, what = head.reads_sightings, {"bundle": str(path), **_origin(head.training)}

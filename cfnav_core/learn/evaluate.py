@@ -55,7 +55,8 @@ class Episodes:
         """Find frozen episodes in scenes.
 
         Raises:
-            SceneError: a scene, state or goal is not there.
+            SceneError: a scene, state or goal is not there, or in built-in scenes no success is
+                possible; published ones count such as failures, as their code does.
         """
         rows = {name: k for k, name in enumerate(bank.names)}
         states, goals = [], []
@@ -72,7 +73,16 @@ class Episodes:
             k = rows[start.scene]
             states.append(int(bank.offsets[k]) + state_of(bank.scenes[k], start.state))
             goals.append(bank.objects.index(start.goal))
-        return cls(np.array(states, np.int64), np.array(goals, np.int64))
+        found = cls(np.array(states, np.int64), np.array(goals, np.int64))
+        hopeless = np.flatnonzero(bank.actions_to[found.states, found.goals] < 0)
+        if len(hopeless) and bank.tasks.upto is None:
+            first = starts[hopeless[0]]
+            raise SceneError(
+                f"found {len(hopeless)} of {len(starts)} episodes that nobody can end, such as "
+                f"{first.goal} in {first.scene}, where it is no goal or cannot be reached; give "
+                "episodes of scenes like these (cfnav data freeze)"
+            )
+        return found
 
     def freeze(self, bank: SceneBank) -> list[StartState]:
         """Scene, state and goal of each as text, for a file."""

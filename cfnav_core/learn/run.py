@@ -8,9 +8,7 @@ import time
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 
 from cfnav_core.agent.agent import new_agent
@@ -19,14 +17,13 @@ from cfnav_core.agent.config import TrainOptions
 from cfnav_core.agent.find import find_method
 from cfnav_core.agent.methods import Stage
 from cfnav_core.files.checkpoint import (
-    CheckpointError,
     load_module,
     load_tensors,
     optimizer_tensors,
     restore_optimizer,
     save_tensors,
 )
-from cfnav_core.files.provenance import commit
+from cfnav_core.files.provenance import commit, sha256
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.knowledge.files import load_knowledge
 from cfnav_core.learn.env import SceneBank
@@ -34,11 +31,14 @@ from cfnav_core.learn.evaluate import Episodes, Trace, run_episodes
 from cfnav_core.learn.ranks import Ranks
 from cfnav_core.learn.run_files import CHECKPOINT, STAGE1
 from cfnav_core.learn.run_log import RunLog
+from cfnav_core.learn.same_run import check_same, check_stage1
 from cfnav_core.learn.stage_one import NO_RULE, StageOne, predictor_figures, rule_of
 from cfnav_core.models.base import Knowledge
 from cfnav_core.policy.networks import TorchNetworks
 from cfnav_core.scenes.check import not_finite
+from cfnav_core.scenes.scene import SceneError
 from cfnav_core.scenes.select import scene_names
+from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.metrics import cf_sr, sr
 
 CARRIED, KEPT = "carried.", "kept_predictor"
@@ -74,6 +74,8 @@ class Run:
         stage1: what is known of stage one. kept: the predictor when it last gained in a stage one
             under the rule, until that has ended.
         carried: what ``carried`` took of the run that this one goes on from; None in a new one.
+        began: SHA-256 of the stage one that it was given, "" of none; None of a run before this
+            was kept.
 
     Raises:
         SceneError: the scenes cannot be used.
@@ -109,10 +111,13 @@ class Run:
         self.validation = SceneBank.load(
             scenes, options.validation_rooms, device, leave_out=leave_out
         )
+        self._check_rooms()
         self.frozen = Episodes.draw(self.validation, options.validation_episodes, seed=1)
         torch.manual_seed(config.seed)
         objects, perception = self.bank.objects, self.bank.perception
-        known = options.knowledge and load_knowledge(options.knowledge, objects, perception)
+        known = options.knowledge and load_knowledge(
+            options.knowledge, objects, perception, scene_names(scenes, options.train_rooms)
+        )
         self.knowledge = known or Knowledge()
         self.agent = new_agent(config, self.bank.inputs, self.knowledge, device)
         self.model, self.predictor = self.agent.model, self.agent.predictor
@@ -122,11 +127,32 @@ class Run:
         self.episodes, self.steps, self.best = 0, 0, -1.0
         self.progress, self.stage1 = Progress(), StageOne()
         self.kept: CollisionPredictor | None = None
+        self.began: str | None = ""
         self.carried: dict[str, torch.Tensor] | None = None
         self._cpu_s_before = 0.0
         self.commit = commit()  # of the code that is loaded, whatever happens to the tree later
         self.options.out.mkdir(parents=True, exist_ok=True)
         self.log = RunLog(self.options.out)
+
+    def _check_rooms(self) -> None:
+        """What validates is to be seen by the same eyes as what trains.
+
+        Raises:
+            SceneError: it is not.
+        """
+        of = [
+            {"perception": bank.perception, "detections": bank.inputs.fields,
+             "objects": bank.objects, "camera": str(bank.camera)}
+            for bank in (self.bank, self.validation)
+        ]  # fmt: skip
+        # whoever reads sightings reads those of any camera
+        ignored = {"camera", "perception"} if of[0]["detections"] == SIGHTINGS else set()
+        for key in of[0].keys() - ignored:
+            if of[0][key] != of[1][key]:
+                raise SceneError(
+                    f"found validation rooms of {key} {of[1][key]} and training rooms of "
+                    f"{of[0][key]} in {self.options.scenes}; make both alike"
+                )
 
     @property
     def cpu_s(self) -> float:
@@ -135,6 +161,11 @@ class Run:
         With loading and validations; without a stage one that was given and asynchronous workers.
         """
         return self._cpu_s_before + time.process_time()
+
+    @property
+    def goals(self) -> list[str]:
+        """What it asks for in training, sorted."""
+        return sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
 
     @property
     def total(self) -> int:
@@ -210,9 +241,11 @@ class Run:
                 f"{self.bank.perception}; give scenes of the same perception"
             )
         if source == own:
-            self._check_same(tensors, head)
+            check_same(self, tensors, head)
+            self.began = head.get("began")
         else:
-            self._check_stage1(source, head)
+            check_stage1(self, source, tensors, head)
+            self.began = sha256(source)
         load_module(source, "model", self.model, tensors)
         load_module(source, "predictor", self.predictor, tensors)
         restore_optimizer(source, "optimizer", self.optimizer, tensors)
@@ -236,72 +269,6 @@ class Run:
             self.kept = deepcopy(self.predictor)
             load_module(source, KEPT, self.kept, tensors)
 
-    def _check_same(self, tensors: dict[str, torch.Tensor], head: dict[str, Any]) -> None:
-        """A run goes on as what it was; only its hyperparameters, such as its length, may change.
-
-        Raises:
-            CheckpointError: it was another method, model, seed or size, had other rooms, or knew
-                something else.
-        """
-        options = self.options
-        asked = asdict(options.run) | {
-            "train_rooms": list(options.train_rooms),
-            "validation_rooms": list(options.validation_rooms),
-            "stage1_rule": list(self.rule),
-        }
-        # what says nothing of a rule had none
-        found = {"stage1_rule": list(NO_RULE)} | head | head["config"]
-        for key, value in asked.items():
-            if key != "hyperparameters" and found.get(key) != value:
-                raise CheckpointError(
-                    f"found a run with {key} {found.get(key)!r} in {options.out}, but "
-                    f"{value!r} is asked for; choose another --out or delete it"
-                )
-        known = {f"knowledge.{k}": v for k, v in self.knowledge.arrays().items()}
-        stored = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
-        same = known.keys() == stored.keys()
-        if not same or not all(np.array_equal(known[k], stored[k]) for k in known):
-            raise CheckpointError(
-                f"found a run in {options.out} that knew something else of the objects than "
-                f"{options.knowledge}; give its own --knowledge, or choose another --out"
-            )
-
-    def _check_stage1(self, source: Path, head: dict[str, Any]) -> None:
-        """Stage one may come from a run whose stage one is this run's.
-
-        It may also have trained a predictor that this run does not need, so that methods are
-        compared from the same weights.
-
-        Raises:
-            CheckpointError: it is another stage one.
-        """
-        asked, found = asdict(self.options.run), head["config"]
-        there = find_method(found["method"])
-        same_rule = there.shared_encoder == self.method.shared_encoder and self.method.stage1 in (
-            there.stage1, replace(there.stage1, train_predictor=False)
-        )  # fmt: skip
-        different = [
-            key for key in asked
-            if key not in ("hyperparameters", "method") and asked[key] != found.get(key)
-        ] + ([] if same_rule else ["method"])  # fmt: skip
-        if different:
-            raise CheckpointError(
-                f"found {source} of a run with {different[0]} {found.get(different[0])!r}, whose "
-                f"stage one is not that of {asked[different[0]]!r}; leave out --stage1"
-            )
-        if head.get("stage1", {}).get("ended") is not None:
-            return  # by the rule, and no shorter than it is
-        if tuple(head.get("stage1_rule", NO_RULE)) != NO_RULE:
-            raise CheckpointError(
-                f"found {source} after {head['episodes']} episodes of a stage one that is to go on "
-                "until its predictor no longer gains; let that run go on first"
-            )
-        if head["episodes"] < self.hp.stage1_episodes:
-            raise CheckpointError(
-                f"found {source} after {head['episodes']} episodes, expected all "
-                f"{self.hp.stage1_episodes} of stage one; let that run go on first"
-            )
-
     def save(self, name: str, carried: dict[str, torch.Tensor] | None = None) -> None:
         """Write weights, optimizers and what the run was, where this process leads.
 
@@ -318,16 +285,17 @@ class Run:
         if self.kept:
             tensors |= {f"{KEPT}.{k}": v for k, v in self.kept.state_dict().items()}
         progress = {} if carried is None else {"progress": asdict(self.progress)}
-        goals = sorted({self.bank.objects[g] for g in self.bank.tasks.goal})
         save_tensors(self.options.out / name, tensors, {
             "config": asdict(self.options.run), "episodes": self.episodes, "steps": self.steps,
             "best": self.best, "cpu_s": self.cpu_s, "stage1": asdict(self.stage1),
             "stage1_rule": self.rule,
-            "perception": self.bank.perception, "goals": goals,
+            "perception": self.bank.perception, "goals": self.goals,
             "inputs": asdict(self.bank.inputs),
             "camera": camera.to_json() if (camera := self.bank.camera) else None,
             "commit": self.commit, "train_rooms": self.options.train_rooms,
-            "validation_rooms": self.options.validation_rooms, **progress,
+            "validation_rooms": self.options.validation_rooms,
+            "validation_episodes": self.options.validation_episodes,
+            "leave_out": sorted(self.options.leave_out), "began": self.began, **progress,
         })  # fmt: skip
 
     def keep_stage1(self) -> None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import gc
 import multiprocessing.resource_tracker
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,7 +29,7 @@ from torch import Tensor, nn
 from cfnav_core.agent.agent import new_agent
 from cfnav_core.agent.config import TrainOptions
 from cfnav_core.agent.find import find_method
-from cfnav_core.learn.algorithm import COUNTS, Learner, clipped_step
+from cfnav_core.learn.algorithm import COUNTS, Learner, NotFiniteError, clipped_step
 from cfnav_core.learn.env import ObjectNavEnv, SceneBank
 from cfnav_core.models.base import Knowledge
 
@@ -39,6 +40,8 @@ EPS = 1e-3
 ROUND_S = 0.5
 END_S = 60.0
 """A worker that is still busy this long after the end is killed."""
+NOT_FINITE = 3
+"""Exit code of a worker whose gradients were no numbers."""
 COUNTED = (*COUNTS, "steps", "updates")
 MOMENTS = ("exp_avg", "exp_avg_sq", "max_exp_avg_sq")
 
@@ -172,9 +175,12 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
         policy.fetch()
         predictor.fetch()
         done = learner.gradients(stage)
-        policy.update()
-        if stage.train_predictor:
-            predictor.update()
+        try:
+            policy.update()
+            if stage.train_predictor:
+                predictor.update()
+        except NotFiniteError:
+            sys.exit(NOT_FINITE)  # the process that started it says why
         counts = [done[name] for name in COUNTS]
         shared.counts[index] += torch.tensor([*counts, hp.rollout_length, 1])
 
@@ -204,6 +210,7 @@ class Workers:
 
     Raises:
         ChildProcessError: a worker has ended by itself.
+        ValueError: what one saw, or its gradients, were no numbers.
     """
 
     def __init__(self, run: Run) -> None:
@@ -255,6 +262,8 @@ class Workers:
         """See ``train.Execution``."""
         time.sleep(ROUND_S)
         for number, process in enumerate(self.processes):
+            if process.exitcode == NOT_FINITE:
+                raise ValueError(self.run.not_finite())
             if process.exitcode:
                 raise ChildProcessError(
                     f"found worker {number} of {len(self.processes)} ended with "

@@ -94,9 +94,11 @@ def without(scenes: Sequence[OfflineScene], names: Sequence[str]) -> list[Offlin
     kept = []
     for scene in scenes:
         if goals := tuple(g for g in scene.goals if g not in names):
-            detections = np.array(scene.detections)
-            detections[:, [objects.index(name) for name in names]] = 0
-            kept.append(replace(scene, goals=goals, detections=detections))
+            # nor is anything paid for bringing them into view
+            detections, visible = np.array(scene.detections), np.array(scene.visible)
+            rows = [objects.index(name) for name in names]
+            detections[:, rows], visible[:, rows] = 0, False
+            kept.append(replace(scene, goals=goals, detections=detections, visible=visible))
     if not kept:
         raise ValueError(
             f"found no room with another goal than {', '.join(names)}, expected one; "

@@ -166,6 +166,13 @@ def test_file_comes_back(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["k.safetensors"]
 
 
+def test_knowledge_is_made_from_rooms_that_train(tmp_path):
+    saved(tmp_path / "k.safetensors")
+    load_knowledge(tmp_path / "k.safetensors", OBJECTS, "eyes", ["kitchen:0", "kitchen:1"])
+    with pytest.raises(KnowledgeError, match="made from kitchen:0 and 0 more that do not train"):
+        load_knowledge(tmp_path / "k.safetensors", OBJECTS, "eyes", ["kitchen:1"])
+
+
 @pytest.mark.parametrize(
     ("objects", "perception", "message"),
     [

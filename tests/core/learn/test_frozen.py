@@ -48,3 +48,10 @@ def test_what_is_not_there_is_named(bank):
         Episodes.thaw(bank, [replace(start, goal="Unicorn")])
     with pytest.raises(SceneError, match=r"no state 99\.00"):
         Episodes.thaw(bank, [replace(start, state="99.00|0.00|0|0")])
+
+
+def test_episodes_that_nobody_can_end_are_named(bank):
+    starts = Episodes.draw(bank, 3, seed=0).freeze(bank)
+    hopeless = [*starts, replace(starts[0], goal="Fridge")]
+    with pytest.raises(SceneError, match=r"1 of 4 episodes that nobody can end, such as Fridge in"):
+        Episodes.thaw(bank, hopeless)

@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -211,6 +212,15 @@ def test_a_dead_worker_ends_the_run(options):
     assert "Traceback" not in text
     assert re.search(r"cfnav: found worker \d of 3 ended with SIGKILL", text), text
     assert episodes(options) > 0
+
+
+def test_what_is_no_number_ends_the_run_with_its_place(options):
+    path = options.scenes / "kitchen_00000" / "features.npy"
+    features = np.load(path)
+    features[5, 3] = np.nan
+    np.save(path, features)
+    with pytest.raises(ValueError, match="found features of state 5 of kitchen:0 in"):
+        train(options)
 
 
 def test_what_stays_mapped_is_what_is_joined(options):

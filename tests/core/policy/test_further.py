@@ -10,7 +10,9 @@ import pytest
 
 from cfnav_core import words
 from cfnav_core.detect.sightings import Sighting
-from cfnav_core.learn.evaluate import evaluate
+from cfnav_core.learn.candidate import Candidate, check_fits
+from cfnav_core.learn.env import SceneBank
+from cfnav_core.learn.evaluate import Episodes, evaluate, run_episodes
 from cfnav_core.learn.export import export_bundle
 from cfnav_core.learn.further import names_of
 from cfnav_core.learn.model_card import model_card
@@ -65,6 +67,17 @@ def test_it_looks_for_a_name_that_a_detector_knows(wider: Path, backend: str) ->
     elsewhere = policy.act(seen_as("dog"), 0.1)
     assert elsewhere.detection_score == 0
     assert not np.allclose(there.probabilities, elsewhere.probabilities)
+
+
+def test_its_weights_are_judged_as_the_bundle_is(wider: Path) -> None:
+    scene = sighted(hall())
+    bank = SceneBank([scene])
+    of_bundle, of_weights = (Candidate.load(p) for p in (wider, wider / "weights.safetensors"))
+    assert of_weights.objects == of_bundle.objects == CATEGORIES
+    check_fits(of_weights, wider / "weights.safetensors", bank, Path("scenes"))
+    episodes = Episodes.draw(bank, 20, 0)
+    ends = [run_episodes(c.networks, bank, episodes, p_hat="zero") for c in (of_bundle, of_weights)]
+    assert ends[0] == ends[1]
 
 
 def test_it_answers_as_before_where_it_sees_none_of_them(
