@@ -35,16 +35,17 @@ def sign(path: Path, source: str) -> None:
     Raises:
         WriteError: the note cannot be written.
     """
-    write_json(_note(path), {"source": source})
+    write_json(note_of(path), {"source": source})
 
 
 def made_by(path: Path) -> str:
     """What made a file; "unknown" without a note, empty where there is no file."""
     if not path.exists():
         return ""
-    note = _note(path)
+    note = note_of(path)
     return str(json.loads(note.read_text())["source"]) if note.exists() else "unknown"
 
 
-def _note(path: Path) -> Path:
+def note_of(path: Path) -> Path:
+    """The file of ``sign``."""
     return path.with_suffix(".made_by.json")

@@ -168,7 +168,7 @@ def read_matrix(path: Path, objects: int, square: bool = False) -> np.ndarray:
         else:
             table = np.loadtxt(path.read_text().replace(",", " ").splitlines(), ndmin=2)
         table = np.asarray(table, np.float32)
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, EOFError, ValueError, TypeError) as error:
         raise KnowledgeError(
             f"found no readable matrix at {path} ({error}); give a .npy file, or text with one row "
             "a line"

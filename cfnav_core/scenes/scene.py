@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from cfnav_core.files.provenance import sha256
+from cfnav_core.files.provenance import note_of, sha256
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.task.actions import NUM_ACTIONS, STEP_M, Action
 from cfnav_core.task.camera import MAST, CameraSetUp
@@ -76,7 +76,8 @@ class OfflineScene:
         positions: float32 [P, 2], metres.
         instances: int16 [C], how many of an object are visible from anywhere; published data
             draw goals in proportion to it.
-        distance: float32 [P, C], metres in a straight line to the nearest instance, inf without.
+        distance: float32 [P, C], metres in a straight line to the middle of the nearest instance,
+            inf without. Visible is what is near by its nearest edge.
     """
 
     name: str
@@ -113,8 +114,9 @@ class OfflineScene:
         with writing(folder), whole(folder) as partial:
             partial.mkdir(parents=True)
             self._write(partial)
-            if (folder / PICTURES).exists():
-                (folder / PICTURES).replace(partial / PICTURES)
+            for kept in (folder / PICTURES, note_of(folder / PICTURES)):
+                if kept.exists():
+                    kept.replace(partial / kept.name)
 
     def _write(self, folder: Path) -> None:
         for key in ARRAYS:
@@ -149,7 +151,7 @@ class OfflineScene:
         head = read_head(folder)
         try:
             arrays = {k: np.load(folder / f"{k}.npy", mmap_mode="c") for k in ARRAYS}
-        except (OSError, ValueError) as error:
+        except (OSError, EOFError, ValueError) as error:
             raise SceneError(f"found no readable scene in {folder} ({error}); {AGAIN}") from error
         objects = tuple(head["objects"])
         arrays["visible"] = np.unpackbits(arrays["visible"], 1)[:, : len(objects)].astype(bool)

@@ -131,9 +131,9 @@ def lidar_of(folder: Path, names: Sequence[str]) -> np.ndarray:
         try:
             states = len(np.load(room / "collided.npy", mmap_mode="r"))
             p = np.load(room / LIDAR)
-        except OSError:
+        except (OSError, EOFError, ValueError):
             raise SceneError(
-                f"found no {LIDAR} in {room}; make it with cfnav rooms scan "
+                f"found no readable {LIDAR} in {room}; make it with cfnav rooms scan "
                 f"{folder} --rooms {name}, then cfnav data lidar {folder}"
             ) from None
         if p.shape != (states,):

@@ -160,7 +160,7 @@ def open_store(folder: Path, names: Sequence[str] | None = None) -> list[Offline
     head = StoreHead.load(folder)
     try:
         maps = {key: np.load(folder / f"{key}.npy", mmap_mode="c") for key in ARRAYS}
-    except (OSError, ValueError) as error:
+    except (OSError, EOFError, ValueError) as error:
         raise SceneError(f"found no readable store in {folder} ({error}); make it again with "
                          "cfnav data convert") from error  # fmt: skip
     for key, array in maps.items():

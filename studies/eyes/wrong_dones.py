@@ -2,7 +2,7 @@
 
 A Done may be wrong since the goal was never detected and the policy gave up, since it was detected
 before and is not in view where it was expected, or since what is detected is no goal, or further
-away than it is taken to be. How far the goal then is tells these apart.
+away than it is taken to be. Where the goal then is tells these apart.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ NEVER, BEFORE = "never detected", "detected before, not now"
 NEAR = f"detected now, and taken to be within {VISIBLE_DISTANCE_M:g} m"
 FAR = "detected now, further or nobody knows"
 
-BEYOND_M = 2.0
-"""A goal further away than this is not the thing that was taken for it, or taken for near."""
+BEYOND_M = 2.5
+"""A goal whose middle is further away than this is another thing than what was taken for it."""
 
 
 def _share(name: str) -> Cell:
@@ -47,7 +47,7 @@ COLUMNS: dict[str, Cell] = {
     "Dones": lambda row: f"{row['dones']:,}",
     "right": _share("right"),
     "share of the wrong": _share("of_wrong"),
-    f"of these the goal is within {VISIBLE_DISTANCE_M:g} m": _share("within"),
+    "of these the goal is visible there in another direction": _share("turned"),
     f"further than {BEYOND_M:g} m": _share("beyond"),
 }
 
@@ -95,7 +95,7 @@ def _detected(bank: SceneBank) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rows(found: Evaluation) -> list[dict[str, Any]]:
-    """Dones by what was known: how many were right, and of the wrong how far the goal was.
+    """Dones by what was known: how many were right, and of the wrong where the goal was.
 
     Raises:
         SceneError: scenes whose detections say nothing of near.
@@ -103,7 +103,10 @@ def rows(found: Evaluation) -> list[dict[str, Any]]:
     bank, goals = found.bank, found.episodes.goals
     detected, close = _detected(bank)
     ever, known = np.zeros(len(goals), bool), np.full(len(goals), "", object)
-    metres = np.full(len(goals), np.inf)
+    metres, around = np.full(len(goals), np.inf), np.zeros(len(goals), bool)
+    places = bank.place.cpu().numpy()
+    visible = np.zeros((places.max() + 1, len(bank.objects)), bool)
+    np.logical_or.at(visible, places, bank.visible)
     for step in found.trace:
         its = goals[step.episodes]
         now, near = detected[step.states, its], close[step.states, its]
@@ -111,13 +114,17 @@ def rows(found: Evaluation) -> list[dict[str, Any]]:
         unseen = np.where(ever[step.episodes], BEFORE, NEVER)
         said = step.actions == Action.Done
         known[step.episodes[said]] = np.where(now, np.where(near, NEAR, FAR), unseen)[said]
-        place = bank.place[step.states[said]]
+        place = places[step.states[said]]
         metres[step.episodes[said]] = bank.distance[place, its[said]].cpu().numpy()
+        around[step.episodes[said]] = visible[place, its[said]]
     wrong = (known != "") & ~np.array([result.success for result in found.results])
-    return [_row(kind, known == kind, wrong, metres) for kind in (NEVER, BEFORE, FAR, NEAR)]
+    kinds = (NEVER, BEFORE, FAR, NEAR)
+    return [_row(kind, known == kind, wrong, around, metres) for kind in kinds]
 
 
-def _row(kind: str, its: np.ndarray, wrong: np.ndarray, metres: np.ndarray) -> dict[str, Any]:
+def _row(
+    kind: str, its: np.ndarray, wrong: np.ndarray, around: np.ndarray, metres: np.ndarray
+) -> dict[str, Any]:
     def share(part: np.ndarray, whole: np.ndarray) -> float | None:
         return float(part[whole].mean()) if whole.any() else None
 
@@ -126,7 +133,7 @@ def _row(kind: str, its: np.ndarray, wrong: np.ndarray, metres: np.ndarray) -> d
         "dones": int(its.sum()),
         "right": share(~wrong, its),
         "of_wrong": share(its, wrong),
-        "within": share(metres <= VISIBLE_DISTANCE_M, its & wrong),
+        "turned": share(around, its & wrong),
         "beyond": share(metres > BEYOND_M, its & wrong),
     }
 

@@ -1,4 +1,6 @@
+import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -7,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from sim_bridge.data import boxes
 from sim_bridge.data.dataset import Look, RoomOptions, render_scene, render_views, run
 from sim_bridge.room.room import generate_room
 from sim_bridge.world.camera import Camera
@@ -14,6 +17,7 @@ from sim_bridge.world.grid import state_grid
 from sim_bridge.world.visual_shift import shifted
 from sim_bridge.world.world import World
 
+from cfnav_core.files.provenance import note_of
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.perception import BUILT_IN, OnnxPerception
 from cfnav_core.perception.picture_set import PictureSet
@@ -42,8 +46,8 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
         camera="stock_preview",
     )
     set_up = CAMERAS["stock_preview"]
-    run(replace(options, visual_shift=1.0))
-    dark = OfflineScene.load(tmp_path / "bathroom_00000")
+    run(replace(options, visual_shift=1.0, out=tmp_path / "dark"))
+    dark = OfflineScene.load(tmp_path / "dark" / "bathroom_00000")
     dark_features = np.array(dark.features)
     world = World(generate_room("bathroom", 0), mast=False)
     grid, observe = state_grid(world, set_up.horizons), OnnxPerception(perception)
@@ -51,7 +55,7 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
         picture = BUILT_IN.preprocess(shifted(camera.rgb(grid.pose(7)), 1.0))
     seen = observe(picture[None])
     np.testing.assert_allclose(dark_features[7], seen.features[0], atol=2e-3)
-    # by another light the same room looks different, and shifted pictures are not taken for it
+    # by another light the same room looks different
     run(options)
     scene = OfflineScene.load(tmp_path / "bathroom_00000")
     np.testing.assert_array_equal(scene.next_state, grid.next_state)
@@ -81,6 +85,7 @@ def test_scene_holds_what_the_camera_sees(tmp_path, perception, capsys):
     (tmp_path / "bathroom_00000/collided.npy").write_bytes(b"")
     run(options)
     assert "0 were there already" in capsys.readouterr().out
+    shutil.rmtree(tmp_path / "dark")
     assert check_rooms(tmp_path) == []
     np.testing.assert_array_equal(OfflineScene.load(tmp_path / "bathroom_00000").features, features)
     # another perception makes features again from the pictures
@@ -133,12 +138,49 @@ def test_views_are_made_again_when_they_are_others_or_fewer(tmp_path, capsys):
     made = PictureSet.load(tmp_path / "kitchen_01000")
     replace(made, states=3).save(tmp_path / "kitchen_01000")
     assert make(views=4)  # there are no more
-    assert not make(views=3, camera="lite")
-    assert PictureSet.load(tmp_path / "kitchen_01000").camera == CAMERAS["lite"]
-    assert not make(views=3, camera="lite", visual_shift=0.5)
+    for other in ({"camera": "lite"}, {"visual_shift": 0.5}):
+        with pytest.raises(ValueError, match=r"found views of .* give another --out, or delete"):
+            make(views=3, **other)
     for damaged in ("{", "[]"):
         (tmp_path / "kitchen_01000/set.json").write_text(damaged)
-        assert not make(views=3, camera="lite", visual_shift=0.5)
+        assert not make(views=3)
+        assert make(views=3)
+
+
+def test_what_is_of_another_kind_is_never_written_over(tmp_path):
+    def made():
+        return sorted(path.name for path in (tmp_path / "bathroom_00033").iterdir())
+
+    asked = RoomOptions(("bathroom:33",), tmp_path, processes=1)
+    run(asked)
+    scene = made()
+    with pytest.raises(ValueError, match=r"found scenes of .* expected nothing or views of"):
+        run(replace(asked, views=3))
+    with pytest.raises(ValueError, match=r"found scenes of .* expected nothing or sightings of"):
+        boxes.run(boxes.BoxOptions(tmp_path, ["bathroom:33"], camera="mast", processes=1))
+    assert made() == scene
+    run(replace(asked, out=tmp_path / "views", views=3))
+    with pytest.raises(ValueError, match=r"found views of .* expected nothing or scenes of"):
+        run(replace(asked, out=tmp_path / "views"))
+
+
+def test_kept_pictures_serve_only_what_they_are_of(tmp_path):
+    asked = RoomOptions(("bathroom:33",), tmp_path / "of", processes=1, keep_pictures=True)
+    folder = tmp_path / "of" / "bathroom_00033"
+    run(replace(asked, keep_pictures=False))
+    assert not (folder / PICTURES).exists()
+    run(asked)  # they are kept now
+    right = np.load(folder / "features.npy")
+    pictures = np.load(folder / PICTURES)
+    # such as are of another light, or of views, say so or say nothing
+    for note in ({"source": "another light"}, None):
+        np.save(folder / PICTURES, pictures[::-1])
+        note_of(folder / PICTURES).unlink(missing_ok=True)
+        if note:
+            note_of(folder / PICTURES).write_text(json.dumps(note))
+        run(asked)
+        np.testing.assert_array_equal(np.load(folder / "features.npy"), right)
+        np.testing.assert_array_equal(np.load(folder / PICTURES), pictures)
 
 
 def test_views_carry_consistent_labels(tmp_path):
@@ -170,7 +212,7 @@ import numpy as np
 from sim_bridge.data.dataset import _keep
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, resource.RLIM_INFINITY))
 try:
-    _keep(Path(sys.argv[1]), np.zeros(9000, np.uint8))
+    _keep(Path(sys.argv[1]), np.zeros(9000, np.uint8), "views")
 except OSError as error:
     print(error)
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,3 +118,12 @@ def test_a_scene_of_another_version_is_refused(scenes: Path, tmp_path: Path) -> 
     scans.turns(replace(scene, source=f"{scene.source} shifted by 0.5"), 1.0, most=1)
     with pytest.raises(ValueError, match=r"found no scans\.npy"):
         lidar_states.run(lidar_states.EstimateOptions(tmp_path))
+
+
+def test_new_scans_leave_no_estimates_of_the_old_ones(scenes: Path, tmp_path: Path) -> None:
+    shutil.copytree(scenes, tmp_path, dirs_exist_ok=True)
+    room = room_folder(tmp_path, "bathroom", 3)
+    lidar_states.run(lidar_states.EstimateOptions(tmp_path))
+    assert (room / LIDAR).exists()
+    scans.run(scans.ScanOptions(tmp_path, [ROOM], noise=0.0))
+    assert not (room / LIDAR).exists()

@@ -57,7 +57,7 @@ def test_the_way_ahead_is_free_when_hull_and_mast_reach_its_end(simulator):
 
 
 def test_a_fixed_camera_looks_down_from_the_first_moment_on():
-    simulator = Simulator(World(bare_room()), tilt=-0.5)
+    simulator = Simulator(World(bare_room()), tilts=(-0.5,))
     simulator.place(1.0, 1.0, 0.0)
     assert simulator.world.pose.tilt == -0.5
     drive(simulator, 0.2, 0.0, 0.5)
@@ -198,3 +198,11 @@ def test_goal_distance_is_to_the_nearest_edge_of_the_footprint(simulator):
     assert simulator.goal_distance() == math.inf
     simulator.start_episode("Wall", StartPose(1.0, 1.0, 0.0, 1.0, 5))
     assert simulator.goal_distance() == pytest.approx(WALL_X - 1.0)
+
+
+def test_a_camera_that_is_made_to_look_further_down_does():
+    simulator = Simulator(World(bare_room()), tilts=(0.0, -0.8))
+    simulator.place(1.0, 1.0, 0.0)
+    simulator.tilt_to(-1.2)
+    drive(simulator, 0.0, 0.0, 5.0)
+    assert simulator.world.pose.tilt == pytest.approx(-0.8)

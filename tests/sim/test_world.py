@@ -244,3 +244,19 @@ def test_some_furniture_overhangs_what_the_lidar_sees(world):
     """Table tops stop the mast where the scan sees nothing."""
     tops = [p for p in world.room.parts if p.solid and 0.351 < p.centre[2] - p.half[2] < 1.33]
     assert tops
+
+
+@pytest.mark.parametrize("mast", [True, False])
+def test_where_a_robot_can_stand_its_map_is_free(mast: bool) -> None:
+    world = World(generate_room("kitchen", 21), mast)
+    plan, grid = world.occupancy(0.02), state_grid(world, (0.0,))
+    assert not any(plan[int(y / 0.02), int(x / 0.02)] for x, y in grid.positions)
+
+
+def test_pictures_that_cannot_be_drawn_are_one_sentence(world) -> None:
+    large = replace(CAMERAS["lite"], size=(3840, 2160))
+    with pytest.raises(ValueError, match="camera of 3840 x 2160 pixels, expected at most 1920"):
+        Camera(world, large)
+    published = replace(CAMERAS["stock_wide"], size=(1280, 720))
+    with Camera(world, published) as camera:
+        assert camera.rgb(Pose(1.0, 1.0, 0.0)).shape == (720, 1280, 3)

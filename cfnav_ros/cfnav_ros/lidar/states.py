@@ -84,7 +84,14 @@ def run(options: EstimateOptions) -> int:
     for path in tqdm(scanned, unit="room"):
         out, source = path.parent / LIDAR, estimates_of(path)
         if made_by(out) != source:
-            judged = probabilities(np.load(path))
+            try:
+                turns = np.load(path)
+            except (EOFError, ValueError) as error:
+                raise ValueError(
+                    f"found no readable {SCANS} in {path.parent} ({error}); delete it, and make it "
+                    f"again with cfnav rooms scan {options.scenes}"
+                ) from error
+            judged = probabilities(turns)
             states = len(np.load(path.parent / "collided.npy", mmap_mode="r"))
             # the LiDAR does not tilt with the camera
             judged = judged.repeat(states // len(judged))

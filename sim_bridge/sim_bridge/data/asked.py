@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
-from cfnav_core.task.rooms import BUILT_IN, SWEET_HOME, parse_rooms
+from cfnav_core.perception.picture_set import HEAD, PictureSet
+from cfnav_core.scenes.scene import OfflineScene
+from cfnav_core.task.camera import CameraSetUp
+from cfnav_core.task.detections import SIGHTINGS
+from cfnav_core.task.rooms import BUILT_IN, SWEET_HOME, parse_rooms, room_folder
 from sim_bridge.room.room import check_furniture
 
 Rooms = Annotated[
@@ -49,6 +54,45 @@ def asked_for(rooms: Sequence[str], furniture: str) -> list[tuple[str, int]]:
     found = parse_rooms(rooms, (BUILT_IN, SWEET_HOME) if furniture == "both" else (furniture,))
     check_furniture(kind for kind, _ in found)
     return found
+
+
+def keep_others(
+    rooms: Sequence[tuple[str, int]], out: Path, kind: str, camera: CameraSetUp,
+    visual_shift: float = 0.0,
+) -> None:  # fmt: skip
+    """See that nothing of another kind is where rooms are to be made.
+
+    What is of the same kind, but of another version or perception, may be made again.
+
+    Args:
+        rooms: kind and seed of each.
+        out: folder of their folders.
+        kind: of what is to be made, "scenes", "sightings" or "views".
+        camera, visual_shift: that it is to be seen by.
+
+    Raises:
+        ValueError: there is something; the first room is named.
+    """
+    for room in rooms:
+        folder = room_folder(out, *room)
+        try:
+            if (folder / HEAD).exists():
+                there: PictureSet | OfflineScene = PictureSet.load(folder)
+            else:
+                there = OfflineScene.load(folder)
+        except ValueError:  # nothing, or damaged
+            continue
+        if isinstance(there, PictureSet):
+            found = "views"
+        else:
+            found = "sightings" if there.fields == SIGHTINGS else "scenes"
+        shift = there.source.partition(" shifted by ")[2] or "0.0"
+        if (found, there.camera, shift) != (kind, camera, str(visual_shift)):
+            raise ValueError(
+                f"found {found} of {there.camera}, shifted by {shift}, in {folder}, expected "
+                f"nothing or {kind} of {camera}, shifted by {visual_shift}; give another --out, or "
+                "delete that folder"
+            )
 
 
 def made_of_each(

@@ -36,7 +36,7 @@ from cfnav_core.task.detections import SIGHTINGS
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_core.task.rooms import room_folder
 from cfnav_core.task.vocabulary import CATEGORIES
-from sim_bridge.data.asked import Furniture, Rooms, asked_for, made_of_each
+from sim_bridge.data.asked import Furniture, Rooms, asked_for, keep_others, made_of_each
 from sim_bridge.data.goals import left_out
 from sim_bridge.data.states import bare_scene, in_how_many
 from sim_bridge.robot.noise import Noise, NoiseLevels
@@ -217,6 +217,7 @@ def run(options: BoxOptions) -> None:
         raise ValueError(f"found --least {options.least:g}, expected a score from 0 to 1")
     rooms = asked_for(options.rooms or ["data2:train"], options.furniture)
     todo = [room for room in rooms if not _there(*room, options)]
+    keep_others(todo, options.out, "sightings", CameraSetUp.read(options.camera))
     made = made_of_each(box_scene, todo, options, processes=options.processes)
     for _ in tqdm(made, total=len(todo), unit="room"):
         pass

@@ -3,11 +3,13 @@
 Without ``--rooms`` these are the 120 rooms of the splits (see ``cfnav_core.task.rooms``). Without
 ``--views`` every reachable state of each room goes through the bundle's perception and becomes an
 ``OfflineScene``. With ``--views N`` N random states become a ``PictureSet`` for training
-perception. Rooms already in DIR are kept, so an interrupted run goes on where it stopped.
+perception. Rooms already in DIR are kept, so an interrupted run goes on where it stopped; those of
+another kind, camera or light are never written over.
 """
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,7 +18,8 @@ import numpy as np
 from tqdm import tqdm
 
 from cfnav_core.command import need, run_options
-from cfnav_core.files.whole import whole, writing
+from cfnav_core.files.provenance import made_by, sign
+from cfnav_core.files.whole import remove, whole, writing
 from cfnav_core.perception.perception import NETWORKS, OnnxPerception, Percept, built_in
 from cfnav_core.perception.picture_set import FIELDS, PictureSet
 from cfnav_core.perception.sight import CELL, Sight
@@ -24,7 +27,7 @@ from cfnav_core.scenes.scene import PICTURES, OfflineScene, SceneError, changed_
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.rooms import room_folder
 from cfnav_core.task.vocabulary import CATEGORIES
-from sim_bridge.data.asked import Furniture, Rooms, asked_for, made_of_each
+from sim_bridge.data.asked import Furniture, Rooms, asked_for, keep_others, made_of_each
 from sim_bridge.data.goals import left_out
 from sim_bridge.data.states import bare_scene, in_how_many, sampled_visible
 from sim_bridge.room.room import generate_room, room_source
@@ -84,16 +87,17 @@ def render_scene(kind: str, seed: int, out: Path, look: Look) -> int:
     """Make the scene of a room; returns its number of states.
 
     Of an earlier run of the same version what another perception leaves as it is stays: what is
-    visible where, and pictures that were kept.
+    visible where, and pictures that were kept, where it takes such.
     """
     folder, perception = room_folder(out, kind, seed), OnnxPerception(look.perception)
-    scene = _before(folder, kind, look)
-    if scene is not None and (folder / PICTURES).exists():
-        pictures = np.load(folder / PICTURES, mmap_mode="r")
+    before, percept = _before(folder, kind, look), perception.gives
+    if before and before.objects == percept.objects and _has_pictures(folder, kind, look, percept):
+        scene, pictures = before, np.load(folder / PICTURES, mmap_mode="r")
     else:
-        scene, pictures = _render(kind, seed, look, perception.gives, scene)
+        scene, pictures = _render(kind, seed, look, percept, before)
+        remove(folder / PICTURES)
         if look.keep_pictures:
-            _keep(folder, pictures)
+            _keep(folder, pictures, _pictures_of(kind, look, percept))
     rows = [perception(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
     replace(
         scene, perception=perception.identity, fields=perception.gives.fields,
@@ -103,12 +107,24 @@ def render_scene(kind: str, seed: int, out: Path, look: Look) -> int:
     return len(pictures)
 
 
-def _keep(folder: Path, pictures: np.ndarray) -> None:
+def _keep(folder: Path, pictures: np.ndarray, of: str) -> None:
     path = folder / PICTURES
     with writing(path):
         folder.mkdir(parents=True, exist_ok=True)
         with whole(path) as partial, partial.open("wb") as file:
             np.save(file, pictures)
+    sign(path, of)
+
+
+def _pictures_of(kind: str, look: Look, percept: Percept) -> str:
+    """What kept pictures are of, so that others are not taken for them."""
+    size = " x ".join(map(str, percept.size))
+    camera = json.dumps(look.camera.to_json())
+    return f"{room_source(kind, look.visual_shift)} by {camera}, made {size}"
+
+
+def _has_pictures(folder: Path, kind: str, look: Look, percept: Percept) -> bool:
+    return made_by(folder / PICTURES) == _pictures_of(kind, look, percept)
 
 
 def _before(folder: Path, kind: str, look: Look) -> OfflineScene | None:
@@ -223,8 +239,10 @@ def _finished(kind: str, seed: int, options: RoomOptions, look: Look) -> bool:
             return False
         asked = min(options.views, there.states)
         return (there.source, there.camera) == made_with and len(there.pictures) >= asked
-    scene, identity = _whole(folder), OnnxPerception(look.perception).identity
-    return scene is not None and (identity, *made_with) == (
+    scene, perception = _whole(folder), OnnxPerception(look.perception)
+    if look.keep_pictures and not _has_pictures(folder, kind, look, perception.gives):
+        return False
+    return scene is not None and (perception.identity, *made_with) == (
         scene.perception, scene.source, scene.camera
     )  # fmt: skip
 
@@ -248,8 +266,11 @@ def run(options: RoomOptions) -> None:
     """Render every room that is not there yet.
 
     Raises:
-        ValueError: bad rooms, or a room that cannot be rendered (named in the message).
+        ValueError: bad rooms, a room that cannot be rendered (named in the message), or one that is
+            there and was made otherwise.
     """
+    if options.views < 0:
+        raise ValueError(f"found --views {options.views}, expected 1 or more, or none at all")
     if options.views and not options.rooms:
         raise ValueError(
             "found --views without --rooms; perception must not learn from rooms that test, so "
@@ -275,6 +296,8 @@ def run(options: RoomOptions) -> None:
             "knows these pictures nobody measured"
         )
     todo = [r for r in rooms if not _finished(*r, options, look)]
+    kind = "views" if options.views else "scenes"
+    keep_others(todo, options.out, kind, look.camera, options.visual_shift)
     views = (options.views,) if options.views else ()
     made = made_of_each(
         render_views if views else render_scene, todo, options.out, look, *views,

@@ -46,7 +46,7 @@ def labelled(tile: np.ndarray, *lines: str) -> np.ndarray:
 
 
 def write_pages(pages: Iterable[np.ndarray], folder: Path) -> int:
-    """Write pages as ``page_001.png`` and so on; returns how many.
+    """Write pages as ``page_001.png`` and so on, without those of before; returns how many.
 
     Raises:
         OSError: a file cannot be written.
@@ -56,4 +56,7 @@ def write_pages(pages: Iterable[np.ndarray], folder: Path) -> int:
         done, png = cv2.imencode(".png", page[..., ::-1])
         assert done
         write_file(folder / f"page_{count:03}.png", png.tobytes())
+    for old in folder.glob("page_*.png"):
+        if old.stem.removeprefix("page_") > f"{count:03}":
+            old.unlink()
     return count

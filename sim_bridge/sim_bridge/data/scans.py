@@ -19,8 +19,8 @@ import tyro
 from tqdm import tqdm
 
 from cfnav_core.files.provenance import made_by, sign
-from cfnav_core.files.whole import whole, writing
-from cfnav_core.scenes.scene import HEADINGS, SCANS, OfflineScene
+from cfnav_core.files.whole import remove, whole, writing
+from cfnav_core.scenes.scene import HEADINGS, LIDAR, SCANS, OfflineScene
 from cfnav_core.task.rooms import parse_room, room_folder
 from sim_bridge.data.asked import Furniture, Rooms, asked_for
 from sim_bridge.robot.lidar_turn import standing_turn
@@ -95,6 +95,7 @@ def run(options: ScanOptions) -> None:
         if made_by(path) == source:
             continue
         made = turns(scene, options.noise)
+        remove(folder / LIDAR)  # of the scans before
         with writing(path), whole(path) as partial, partial.open("wb") as file:
             np.save(file, made.reshape(-1, HEADINGS, made.shape[1]))
         sign(path, source)

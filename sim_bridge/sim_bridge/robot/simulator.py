@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,7 @@ SIMULATOR_VERSION = 2
 """Rises when the robot moves, touches or measures otherwise; a test holds it."""
 
 TILT_LIMIT_RAD = math.radians(30.0)
-"""The camera's tilt mechanism turns this far up and down, rad."""
+"""The camera's tilt mechanism turns this far up and down, rad; one that is made for more, more."""
 
 
 STILL_SPEED, STILL_RATE = 0.005, 0.01
@@ -74,13 +75,16 @@ class Simulator:
         world: where the robot is; ``enter`` moves it to another.
         noise: of wheels and odometry; none when None.
         reflexes: whether the base backs off by itself when its bumper is pressed.
-        tilt: of its camera before it is told another, rad, up positive.
+        tilts: those that its camera is made for, rad, up positive, the first before it is told
+            another.
     """
 
     def __init__(
-        self, world: World, noise: Noise | None = None, reflexes: bool = False, tilt: float = 0.0
-    ) -> None:
-        self._first_tilt = tilt
+        self, world: World, noise: Noise | None = None, reflexes: bool = False,
+        tilts: Sequence[float] = (0.0,),
+    ) -> None:  # fmt: skip
+        self._first_tilt = tilts[0]
+        self._tilt_limit = max(TILT_LIMIT_RAD, *map(abs, tilts))
         self.noise = noise or Noise(NoiseLevels().scaled(0.0), 0)
         self._reflexes = reflexes
         self._own: BackOff | Undock | Dock | None = None
@@ -288,7 +292,7 @@ class Simulator:
         A tilt that is not finite changes nothing.
         """
         if math.isfinite(tilt):
-            self.tilt_target = max(-TILT_LIMIT_RAD, min(TILT_LIMIT_RAD, tilt))
+            self.tilt_target = max(-self._tilt_limit, min(self._tilt_limit, tilt))
 
     def step(self) -> bool:
         """Advance everything by one physics step.

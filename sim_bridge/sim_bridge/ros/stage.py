@@ -44,7 +44,7 @@ class SimulatorStage:
         self.noise = Noise(NoiseLevels().scaled(parameters.noise), parameters.seed)
         # a base without a bumper has nothing to answer
         reflexes = parameters.reflexes and "hazards" in parameters.described.topics
-        self.simulator = Simulator(world, self.noise, reflexes, parameters.set_up.horizons[0])
+        self.simulator = Simulator(world, self.noise, reflexes, parameters.set_up.horizons)
         self._seen: tuple[tuple, bool] = ((), False)
         self._detector = Detector(parameters) if parameters.detector else None
 

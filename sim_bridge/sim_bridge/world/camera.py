@@ -12,7 +12,7 @@ from cfnav_core.task.camera import MAST, CameraSetUp
 from cfnav_core.task.visibility import VISIBLE_DISTANCE_M, visible
 from cfnav_core.task.vocabulary import CATEGORIES
 from sim_bridge.world.groups import TOUCH_ONLY
-from sim_bridge.world.world import Pose, World
+from sim_bridge.world.world import LARGEST_PICTURE, Pose, World
 
 import mujoco as mj  # isort: skip
 
@@ -44,6 +44,9 @@ class Camera:
         world: what to look at; its own physics state is not touched.
         set_up: where the camera sits and what it shows.
 
+    Raises:
+        ValueError: its pictures are larger than can be drawn.
+
     Attributes:
         set_up, world: as given.
         data: of MuJoCo, where all that it looks at is.
@@ -55,6 +58,11 @@ class Camera:
         self.world = world
         self._mount = set_up.x, set_up.z
         width, height = set_up.size
+        if max(set_up.size) > LARGEST_PICTURE:
+            raise ValueError(
+                f"found a camera of {width} x {height} pixels, expected at most {LARGEST_PICTURE} "
+                "along each side; give a smaller size of the same view"
+            )
         model = world.model
         self._id = model.camera("rgb").id
         self.data = mj.MjData(model)

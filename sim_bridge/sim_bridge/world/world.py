@@ -32,7 +32,7 @@ HULL_RADIUS = 0.175
 """Robot radius, metres: Nav2's ``robot_radius`` for the TurtleBot 4 (its shell has 0.164)."""
 HULL_BOTTOM, HULL_TOP = 0.01, TURTLEBOT4_TOP_M
 MAST_RADIUS, MAST_TOP = 0.03, 1.33
-LARGEST_PICTURE = 1080
+LARGEST_PICTURE = 1920
 """Pixels, either way; MuJoCo draws no larger one than the buffer that is set aside."""
 LIDAR_X, LIDAR_Z = -0.04, 0.193
 LIDAR_RANGE_M = 12.0
@@ -203,7 +203,7 @@ class World:
         return np.where(hit >= 0, distance, np.inf).astype(np.float32)
 
     def occupancy(self, resolution: float = 0.02) -> np.ndarray:
-        """Plan of everything solid below the mast's top.
+        """Plan of everything solid that hull or mast can meet.
 
         Args:
             resolution: metres per cell.
@@ -213,10 +213,10 @@ class World:
         """
         h, w = (math.ceil(side / resolution) for side in (self.room.depth, self.room.width))
         y, x = (np.mgrid[0:h, 0:w] + 0.5) * resolution
-        grid = np.zeros((h, w), np.int8)
+        grid, top = np.zeros((h, w), np.int8), MAST_TOP if self._mast >= 0 else HULL_TOP
         for part in self.room.parts:
             low, high = part.centre[2] - part.half[2], part.centre[2] + part.half[2]
-            if not part.solid or low > MAST_TOP or high < HULL_BOTTOM:
+            if not part.solid or low > top or high < HULL_BOTTOM:
                 continue
             c, s = math.cos(part.yaw), math.sin(part.yaw)
             dx, dy = x - part.centre[0], y - part.centre[1]

@@ -77,13 +77,18 @@ def test_a_changed_file_no_longer_has_its_sum(tmp_path):
     assert changed_files(folder, sums) == ["heading"]
 
 
-@pytest.mark.parametrize("damage", ["missing", "truncated", "head", "other_states", "wild_edge"])
+DAMAGES = ["missing", "empty", "truncated", "head", "other_states", "wild_edge"]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_scene_says_so(tmp_path, damage):
     folder = tmp_path / "s"
     hall().save(folder)
     edges = np.load(folder / "next_state.npy")
     if damage == "missing":
         (folder / "features.npy").unlink()
+    elif damage == "empty":
+        (folder / "features.npy").write_bytes(b"")
     elif damage == "truncated":
         (folder / "features.npy").write_bytes((folder / "features.npy").read_bytes()[:-9])
     elif damage == "head":

@@ -80,24 +80,28 @@ def test_perception_tells_what_is_shown_and_what_is_near() -> None:
     assert [said[kind]["right"] for kind in (NEVER, BEFORE, FAR, NEAR)] == [0.0, 0.0, 0.0, 1.0]
 
 
-def test_of_the_wrong_ones_it_is_said_how_far_the_goal_was() -> None:
-    far = HALL.distance[:, HALL.objects.index(HALL.goals[0])][HALL.position]
-    within, between, beyond = (
-        int(np.flatnonzero((far > low) & (far <= high))[0])
-        for low, high in ((0, 1.5), (1.5, 2.0), (2.0, np.inf))
+def test_of_the_wrong_ones_it_is_said_where_the_goal_was() -> None:
+    goal = HALL.objects.index(HALL.goals[0])
+    far = HALL.distance[HALL.position, goal]
+    by_place = np.zeros(len(HALL.positions), bool)
+    by_place[HALL.position[HALL.visible[:, goal]]] = True
+    around = by_place[HALL.position] & ~HALL.visible[:, goal]
+    turned, close, beyond = (
+        int(np.flatnonzero(which)[0])
+        for which in (around, ~by_place[HALL.position] & (far < 2.5), far > 2.5)
     )
-    walks = [[0, within], [0, within], [0, between], [0, beyond], [0, beyond]]
+    walks = [[0, turned], [0, turned], [0, close], [0, beyond], [0, beyond]]
     # the second is right and the last says no Done
     found = ended(sighted({}), SIGHTINGS, walks, [False, True, False, False, False])
     row = rows(found)[0]
     assert row["known"] == NEVER
-    assert row["within"] == row["beyond"] == pytest.approx(1 / 3)
+    assert row["turned"] == row["beyond"] == pytest.approx(1 / 3)
 
 
 def test_what_never_happened_has_no_rate() -> None:
     found = ended(sighted({}), SIGHTINGS, [[0, 1], [1, 2]], [True, False])
     said = {row["known"]: row for row in rows(found)}
-    none = {"right": None, "within": None, "beyond": None}
+    none = {"right": None, "turned": None, "beyond": None}
     assert said[NEAR] == {"known": NEAR, "dones": 0, "of_wrong": None, **none}
     assert said[NEVER] == {"known": NEVER, "dones": 1, "of_wrong": None, **none, "right": 1.0}
     assert "None" not in table(COLUMNS, rows(found))

@@ -178,7 +178,7 @@ def test_rows_that_need_the_lidar_say_so_before_training(options: Benchmark, tmp
     first = room_folder(options.scenes, *parse_room(start.scene))
     away = (first / LIDAR).rename(tmp_path / LIDAR)
     try:
-        with pytest.raises(SceneError, match="found no lidar"):
+        with pytest.raises(SceneError, match="found no readable lidar"):
             run_benchmark(replace(options, out=tmp_path / "grid"), "")
     finally:
         away.rename(first / LIDAR)
