@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from scipy.special import expit
 
 from cfnav_core.perception.boxes import Box, Detection
 
@@ -63,7 +64,7 @@ class Recall:
             self.base + self.size * math.log2(degrees) + self.share * thing.share
             + self.distance * thing.distance + self.names.get(thing.name, 0.0)
         )  # fmt: skip
-        return 1 / (1 + math.exp(-logit))
+        return float(expit(logit))
 
 
 @dataclass(frozen=True)

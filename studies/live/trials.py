@@ -69,6 +69,12 @@ def detector_of(config: TrialsConfig) -> str:
     return f"{sha256(path)[:16]} {config.labels}"
 
 
+def camera_of(config: TrialsConfig) -> str:
+    """Whose pictures, a file by its content, too."""
+    path = Path(config.camera)
+    return f"{config.camera} {sha256(path)[:16]}" if path.is_file() else config.camera
+
+
 def conditions_of(row: dict[str, Any]) -> dict[str, Any]:
     """Under which conditions the episode of a line was run."""
     return {name: row.get(name, UNSAID.get(name)) for name in CONDITIONS}
@@ -96,7 +102,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     asked = {
         **asdict(config), "bundle": str(config.bundle or "shipped"),
         "networks": identity_of(config.drives), "world": WORLD,
-        "detector": detector_of(config),
+        "detector": detector_of(config), "camera": camera_of(config),
     }  # fmt: skip
     conditions = {name: asked[name] for name in CONDITIONS}
     for row in rows:

@@ -77,6 +77,7 @@ def answers(drive, bag="bag"):
                 driven_vetoed=decision.vetoed, driven_probabilities=p,
                 driven_p_hat=0.05 + 0.1 * decision.step,
                 action=own, probabilities=p, p_hat=0.05 + 0.1 * decision.step,
+                p_hat_lidar=0.05 + 0.1 * decision.step,
                 p_hat_rgb=0.6 - 0.1 * decision.step,
             ))  # fmt: skip
     return steps

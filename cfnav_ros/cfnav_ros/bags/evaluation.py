@@ -200,7 +200,7 @@ def evaluate(
     """
     with Bag(path) as bag:
         roles = options.assigned(bag.topics)
-        work = _Work(name or path.name, roles, options)
+        work = _Work(name or path.name, roles, options, bag.begin_ns if options.rows else 0)
         for count, event in enumerate(bag.events(roles, options.tilt_joint), 1):
             work.see(event)
             if count % TICK == 0:
@@ -215,13 +215,13 @@ def evaluate(
 class _Work:
     """Every part of the evaluation, shown the same events."""
 
-    def __init__(self, name: str, roles: Roles, options: JudgeOptions) -> None:
-        self.events = 0
+    def __init__(self, name: str, roles: Roles, options: JudgeOptions, begin_ns: int) -> None:
+        self.events, self._begin_ns = 0, begin_ns
         self._name, self._roles = name, roles
         self._rows = tuple(sorted(options.rows, key=lambda row: row.start))
         steady = [(t, STEADY[role]) for role, t in roles.topics.items() if role in STEADY]
         self._health = Health({t.name: kind for t, kind in steady if t.count == 0})
-        self._finder, self._film = DriveFinder(options.rows), Film()
+        self._finder, self._film = DriveFinder(options.rows, begin_ns), Film()
         self._odometry = OneOdometry()
         self._scan_map = ScanMap()
         self._estimates = Estimates(options.lidar, options.mount_given)
@@ -294,7 +294,7 @@ class _Work:
 
     def _begin_rows(self, event: Event) -> None:
         """Tell the replay of the drives of an episodes file; recorded ones tell it themselves."""
-        seconds = (event.log_ns - self._first_ns) * 1e-9
+        seconds = (event.log_ns - (self._begin_ns or self._first_ns)) * 1e-9
         if self._running and seconds > self._running.end:
             self._replay.end(event.log_ns)
             self._running = None

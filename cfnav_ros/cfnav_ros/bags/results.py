@@ -67,7 +67,8 @@ TOLD = ("goal", "room", "bundle", "outcome", "message", "seconds", "steps", "vet
 
 ANSWERS = (
     "bundle", "driver", "goal", "step", "t_ns", "until_ns", "image_ns", "estimate_ns", "driven",
-    "driven_vetoed", "driven_p_hat", "action", "agrees", "p_driven", "p_hat", "p_hat_rgb",
+    "driven_vetoed", "driven_p_hat", "action", "agrees", "p_driven", "p_hat",
+    "p_hat_lidar", "p_hat_rgb",
     "detection_score", "would_veto", "intact", "collided",
 )  # fmt: skip
 

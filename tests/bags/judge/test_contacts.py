@@ -61,6 +61,21 @@ def test_a_bumper_that_is_held_counts_once_and_again_after_it_was_free():
     assert (found[0].x, found[0].source) == (0.4, BUMP)
 
 
+def test_a_bumper_that_tells_of_changes_alone_is_held_between_them():
+    """As bases do: one touch that moves along the bumper is one, however long it takes."""
+    reports = [
+        bumps(0), bumps(10, "left"), bumps(12, "left", "front"), bumps(14, "front"), bumps(16),
+        bumps(16.2, "front"), bumps(16.3), bumps(18, "left"), bumps(19),
+    ]  # fmt: skip
+    detector, where = BumpContacts(), Whereabouts()
+    found = [c for r in reports if (c := detector.see(r.t_ns, r, where))]
+    assert [c.t_ns for c in found] == [10 * S, 18 * S]
+    # one that never tells of being free is pressed anew each time
+    detector = BumpContacts()
+    found = [c for t in (10, 12, 14) if (c := detector.see(ns(t), bumps(t, "left"), where))]
+    assert len(found) == 3
+
+
 def test_a_bumper_pressed_when_the_bag_begins_was_pressed_before():
     detector = BumpContacts()
     reports = [bumps(i / 20, "front") for i in range(40)]

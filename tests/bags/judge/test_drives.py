@@ -366,3 +366,54 @@ def test_a_status_in_another_namespace_is_heard_too():
     event = dataclasses.replace(told(101, True), topic="/robot1/policy/episode")
     (drive_,), _ = drives_of([event, velocity(102), end(103)])
     assert drive_.outcome == "done"
+
+
+@pytest.mark.parametrize("answer", ["refused", "canceled", "preempted"])
+def test_a_goal_that_was_answered_before_any_decision_is_no_drive(answer):
+    tries = [start(101, "Fridge"), end(101.1, "Fridge", answer)]
+    last = [start(103), decided(103.2), decided(103.4, 2, Action.Done, 0.9), end(103.5)]
+    (drive_,), notes = drives_of([pose(100), *tries, pose(102), *last, pose(105)])
+    assert (drive_.goal, drive_.outcome) == ("Mug", "done")
+    assert notes == [f"The goal Fridge was answered with {answer!r} and never began."]
+    began = [start(101), decided(101.05), end(101.1, "Mug", answer)]
+    (drive_,), notes = drives_of([pose(100), *began, pose(105)])
+    assert (drive_.outcome, notes) == (answer, [])
+
+
+def test_rows_of_a_file_count_from_the_first_message_of_all():
+    rows = [EpisodeRow("bag", 21.0, 23.0, "Mug")]
+    events = [pose(120 + i / 10) for i in range(60)]
+    finder = DriveFinder(rows, begin_ns=ns(100))
+    found = [d for event in events for d in finder.see(event)] + finder.finish()
+    (drive_,) = found
+    assert (drive_.start_ns, drive_.end_ns) == (ns(121), ns(123))
+
+
+def test_the_map_of_another_robot_is_not_taken():
+    def frames(t, child, x):
+        put = ("map", child, (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        return Frames(**at(t), transforms=(put,))
+
+    def of(frame):
+        poses = [
+            dataclasses.replace(pose(100 + i), frames=f"{frame} to base_link") for i in range(8)
+        ]
+        told_of = [frames(101.5, "robot1/odom", 1.0), frames(102.5, "robot2/odom", 7.0)]
+        (drive_,), _ = drives_of([*poses, *told_of, start(101), end(106)])
+        return drive_.odom_in_map[0]
+
+    assert of("robot1/odom") == 1.0
+    assert of("robot2/odom") == 7.0
+    assert of("odom") == 7.0  # whichever came last
+
+
+@pytest.mark.parametrize(("pace", "known"), [(1.0, True), (0.1, False), (4.0, False)])
+def test_stalls_are_not_told_by_two_clocks_of_another_pace(pace, known):
+    """A simulator's stamps in a bag whose log is the system's."""
+    events = [
+        dataclasses.replace(e, t_ns=e.t_ns, log_ns=ns(1e6) + round(e.t_ns / pace))
+        for e in drive(101, *[MOVE] * 12)
+    ]
+    (drive_,), _ = drives_of(events)
+    assert (STALL in drive_.contacts) is known
+    assert ("times as fast as that of the log" in drive_.stalls_about) is not known

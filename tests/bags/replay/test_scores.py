@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 
 import numpy as np
 import pytest
@@ -30,7 +31,15 @@ A, L, R = Action.MoveAhead, Action.RotateLeft, Action.RotateRight
 def moves(rows, **fields):
     """Labelled MoveAheads: (drive, p_hat, p_hat of the RGB predictor, collided) each."""
     return [
-        step_of(drive_ns=drive, step=k, t_ns=k, p_hat=p, p_hat_rgb=rgb, collided=y, **fields)
+        step_of(
+            **{"p_hat_lidar": p} | fields,
+            drive_ns=drive,
+            step=k,
+            t_ns=k,
+            p_hat=0.0,
+            p_hat_rgb=rgb,
+            collided=y,
+        )
         for k, (drive, p, rgb, y) in enumerate(rows)
     ]
 
@@ -65,7 +74,7 @@ def test_only_executed_moves_with_their_source_count():
         step_of(driven=L, collided=None),
         step_of(driven_vetoed=True, collided=None),
     ]
-    without_lidar = moves([(2, 0.5, 0.5, True)], estimate_ns=0)
+    without_lidar = moves([(2, 0.5, 0.5, True)], p_hat_lidar=math.nan)
     steps = [*FOUR, *others, *without_lidar]
     assert collision_scores(lidar_predictions(steps)).moves == 4
     assert collision_scores(rgb_predictions(steps)).moves == 5

@@ -94,6 +94,14 @@ class Bag:
             generator.close()
 
     @property
+    def begin_ns(self) -> int:
+        """Log time of the first message, whatever its topic, nanoseconds; 0 of an empty bag."""
+        reading = self._in_order(self._read(None))
+        first = next((raw.log_ns for raw in reading), 0)
+        reading.close()
+        return first
+
+    @property
     def unchecked(self) -> int:
         """Messages read that no checksum protects: damage within them goes unnoticed."""
         return sum(file.unchecked for file in self._files)

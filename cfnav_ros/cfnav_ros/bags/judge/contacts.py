@@ -135,20 +135,25 @@ class BumpContacts:
     """The bumper becoming pressed.
 
     Zones that are held count once, and reports less than ``BUMP_GAP_S`` apart are one contact,
-    whichever zones they name: the rule by which the robot and the simulator count. What is pressed
-    in the first report was touched before, if the bag has just begun; later it is a contact, as
-    there are bumpers that report only when they are pressed.
+    whichever zones they name: the rule by which the robot and the simulator count. A bumper that
+    has told of being free is held until it does so again, however long that takes; another may
+    report only that it is pressed. What is pressed in the first report was touched before, if the
+    bag has just begun; later it is a contact.
     """
 
     def __init__(self) -> None:
         self._pressed_ns: int | None = None
-        self._heard = False
+        self._heard = self._held = self._tells_of_release = False
 
     def see(self, t_ns: int, bumps: Bumps, where: Whereabouts, begin_ns: int = 0) -> Contact | None:
         """Take the next report; the bag begins at log time ``begin_ns``, nanoseconds."""
         first, self._heard = not self._heard, True
         held = first and bumps.log_ns - begin_ns <= BEGINNING_S * 1e9
+        if self._held and (self._tells_of_release or not bumps.zones):
+            self._pressed_ns = t_ns  # until now
+        self._held = bool(bumps.zones)
         if not bumps.zones:
+            self._tells_of_release = True
             return None
         before, self._pressed_ns = self._pressed_ns, t_ns
         if held or (before is not None and 0 <= t_ns - before <= BUMP_GAP_S * 1e9):

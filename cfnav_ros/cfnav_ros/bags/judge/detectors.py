@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cfnav_ros.bags.files.events import Bumps, Event, Judged, Pose, Velocity
 from cfnav_ros.bags.judge.block_stalls import BlockStalls, Sight, sight
+from cfnav_ros.bags.judge.clocks import Pace
 from cfnav_ros.bags.judge.contacts import (
     STALL,
     BumpContacts,
@@ -27,6 +28,7 @@ class Detectors:
 
     def __init__(self) -> None:
         self.quality = OdometryQuality()
+        self._pace = Pace()
         self._where = Whereabouts()
         self._bumps = BumpContacts()
         self._stalls: dict[float, StallContacts | BlockStalls] = {0.0: StallContacts()}
@@ -46,6 +48,12 @@ class Detectors:
     @property
     def sight(self) -> Sight:
         """Which stalls can be seen by the odometry and the commands so far."""
+        if (pace := self._pace.other) is not None:
+            return Sight(
+                f"the odometry's clock ran {pace:.2f} times as fast as that of the log, by which "
+                "commands are told: record with use_sim_time",
+                blind=True,
+            )
         return sight(self.quality, self._stalls[self.block_s].slow_commands_s)
 
     def see(self, t: int, event: Event, begin_ns: int) -> list[Contact]:
@@ -58,6 +66,7 @@ class Detectors:
         """
         found: list[Contact | None] = []
         if isinstance(event, Pose):
+            self._pace.take(event)
             self.quality.take(t, event)
             self._where.see(t, event)
             found = [stalls.moved(t, event, self._where) for stalls in self._stalls.values()]

@@ -47,7 +47,7 @@ MAP_FRAMES = ("map", "odom")
 """Names of REP 105, in any namespace."""
 
 NEVER_BEGAN = ("preempted", "refused", "canceled")
-"""Outcomes of goals that are answered without an episode."""
+"""Outcomes of goals that are answered without a decision: they are no drives."""
 
 
 class DriveFinder:
@@ -60,11 +60,12 @@ class DriveFinder:
         contacts: those that the last event showed, by the noise of the odometry until then.
     """
 
-    def __init__(self, rows: Sequence[EpisodeRow] = ()) -> None:
+    def __init__(self, rows: Sequence[EpisodeRow] = (), begin_ns: int = 0) -> None:
         """Begin a bag.
 
         Args:
             rows: its rows of an episodes file; with any, only they make drives.
+            begin_ns: log time that they count from; 0: that of the first event.
         """
         self.notes: list[str] = []
         self.contacts: list[Contact] = []
@@ -74,6 +75,7 @@ class DriveFinder:
         self._detectors = Detectors()
         self._latched = Latched()
         self._begin_ns: int | None = None
+        self._rows_begin_ns = begin_ns
         self._log_ns = 0
         self._heard: frozenset[type[Event]] = frozenset()
         self._recent: deque[tuple[int, int, Event | Contact]] = deque(maxlen=RECENT)
@@ -81,6 +83,7 @@ class DriveFinder:
         self._found = False
         self._map: OccupancyMap | None = None
         self._odom_in_map: tuple[float, float, float] | None = None
+        self._odometry_frame = ""
         self._open: DriveLog | None = None
         self._closing: list[tuple[int, DriveLog]] = []
         self._rest: DriveLog | None = None  # what no drive has claimed yet
@@ -97,6 +100,7 @@ class DriveFinder:
         self._log_ns = max(self._log_ns, event.log_ns)
         if self._begin_ns is None and event.log_ns > 0:
             self._begin_ns = event.log_ns
+            self._rows_begin_ns = self._rows_begin_ns or event.log_ns
         if not isinstance(event, USED):
             return []
         if not _sensible(event):
@@ -106,6 +110,8 @@ class DriveFinder:
         self._heard |= {type(event)}
         if isinstance(event, OccupancyMap):
             self._map = event
+        elif isinstance(event, Pose):
+            self._odometry_frame = event.frames.partition(" to ")[0].lstrip("/")
         if self._rest is None and self._open is None:
             self._rest = DriveLog(BAG, t)
         self._begin_rows()
@@ -146,8 +152,8 @@ class DriveFinder:
 
     def _begin_rows(self) -> None:
         """Begin and end the drives of the file."""
-        begin, now = self._begin_ns, self._log_ns
-        if not self._by_file or begin is None:
+        begin, now = self._rows_begin_ns, self._log_ns
+        if not self._by_file or self._begin_ns is None:
             return
         if self._open and self._open.end_ns is not None and now > self._open.end_ns:
             self._end(self._open)
@@ -191,8 +197,17 @@ class DriveFinder:
             self._over_before(told.goal)
             self._open = None
             return
+        if told.outcome in NEVER_BEGAN and not log.decisions:
+            self._never_began(told)
+            self._open, self._rest = None, DriveLog(BAG, log.start_ns)
+            return
         log.end_ns, log.outcome, log.message = t, told.outcome, told.message
         self._end(log)
+
+    def _never_began(self, told: Told) -> None:
+        self.notes.append(
+            f"The goal {told.goal} was answered with {told.outcome!r} and never began."
+        )
 
     def _end_unstarted(self, t: int, told: Told, old: bool) -> None:
         """The end of an episode that was not seen to begin."""
@@ -205,9 +220,7 @@ class DriveFinder:
                 f"The end of an episode of {told.goal} is all that was recorded of it."
             )
         elif self._open or rest is None or (told.outcome in NEVER_BEGAN and not drove):
-            self.notes.append(
-                f"The goal {told.goal} was answered with {told.outcome!r} and never began."
-            )
+            self._never_began(told)
         else:
             rest.found, rest.goal, rest.bundle = POLICY, told.goal, told.bundle
             rest.end_ns, rest.outcome, rest.message = t, told.outcome, told.message
@@ -272,8 +285,11 @@ class DriveFinder:
         """Keep where the odometry frame is in the map's."""
         for parent, child, at, quaternion in event.transforms:
             names = (parent.split("/")[-1], child.split("/")[-1])
+            # where frames bear a robot's name, another robot's are not this one's
+            named = "/" in self._odometry_frame
+            own = not named or self._odometry_frame == child.lstrip("/")
             tree = FrameTree()
-            sensible = names == MAP_FRAMES and _within(*at, *quaternion)
+            sensible = names == MAP_FRAMES and own and _within(*at, *quaternion)
             if not sensible or not tree.add(*names, at, quaternion):
                 continue
             pose = tree.pose(*names)

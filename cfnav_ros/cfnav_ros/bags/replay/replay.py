@@ -390,6 +390,7 @@ class Replay:
             driven_probabilities=moment.probabilities, driven_p_hat=moment.p_hat,
             action=decision.action, probabilities=decision.probabilities,
             p_hat=decision.collision_probability, p_hat_rgb=p_hat_rgb,
+            p_hat_lidar=judged.estimate.probability if judged else math.nan,
             detection_score=decision.detection_score, would_veto=vetoed, intact=runner.intact,
         )  # fmt: skip
 

@@ -106,8 +106,8 @@ class ExecutedPredictions:
 
 
 def lidar_predictions(steps: Sequence[ReplayStep]) -> ExecutedPredictions:
-    """p_hat from the LiDAR, where it was used, of one bundle's labelled steps."""
-    return _predictions([s for s in steps if s.estimate_ns], lambda step: step.p_hat)
+    """What the LiDAR said, of one bundle's labelled steps."""
+    return _predictions(steps, lambda step: step.p_hat_lidar)
 
 
 def rgb_predictions(steps: Sequence[ReplayStep]) -> ExecutedPredictions:

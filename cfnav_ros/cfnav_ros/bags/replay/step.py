@@ -41,6 +41,7 @@ class ReplayStep:
         action: the bundle's own action.
         probabilities: float32 [6].
         p_hat: collision probability as given to the bundle.
+        p_hat_lidar: what the LiDAR says, whatever of it was given; nan of no estimate.
         p_hat_rgb: what the bundle's own RGB predictor says; nan of one that sees no pictures.
         detection_score: 0..1.
         would_veto: the LiDAR's veto would have fallen on the bundle's action.
@@ -67,6 +68,7 @@ class ReplayStep:
     action: Action
     probabilities: np.ndarray = field(repr=False)
     p_hat: float
+    p_hat_lidar: float
     p_hat_rgb: float
     detection_score: float
     would_veto: bool
