@@ -71,6 +71,7 @@ def _decided(e: Decided):
         image_stamp=b.stamp(e.image_ns), estimate_stamp=b.stamp(e.estimate_ns), action=e.action,
         action_probabilities=e.probabilities, collision_probability=e.collision_probability,
         detection_score=e.detection_score, vetoed=e.vetoed, met_before=e.met_before,
+        by_detections=e.by_detections,
     )  # fmt: skip
 
 

@@ -202,7 +202,12 @@ def diagnostics(reports: Iterable[Report], node: str, now: Time) -> DiagnosticAr
 
 
 def decision(
-    record: StepRecord, goal: str, now: Time, zero_ns: int = 0, frame: str = "base_link"
+    record: StepRecord,
+    goal: str,
+    now: Time,
+    zero_ns: int = 0,
+    frame: str = "base_link",
+    by_detections: bool = False,
 ) -> PolicyDecision:
     """A decision as it is published before it is executed.
 
@@ -212,6 +217,7 @@ def decision(
         now: stamp of the message.
         zero_ns: node time from which the record's stamps count, nanoseconds.
         frame: of the robot.
+        by_detections: the policy reads what a detector says.
     """
     made = record.decision
     return PolicyDecision(
@@ -228,6 +234,7 @@ def decision(
         detection_score=float(made.detection_score),
         vetoed=bool(record.vetoed),
         met_before=bool(record.met_before),
+        by_detections=by_detections,
     )
 
 

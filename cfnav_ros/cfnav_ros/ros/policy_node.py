@@ -208,7 +208,11 @@ class PolicyNode(Node):
         """Publish a decision before it is executed."""
         now = conversions.ns_to_stamp(self._pace.now_ns)
         zero_ns, frame = self._pace.zero_ns, self._settings.base_frame
-        self._decisions.publish(conversions.decision(record, episode.goal, now, zero_ns, frame))
+        self._decisions.publish(
+            conversions.decision(
+                record, episode.goal, now, zero_ns, frame, self._policy.reads_sightings
+            )
+        )
         goal = self.goals.current
         if goal is not None:
             goal.tell(conversions.feedback(record, episode.track.path_length))

@@ -70,6 +70,18 @@ def test_done_without_seeing_the_goal_is_no_success():
     assert judge(made(score=UNSEEN)).success.value is False
 
 
+@pytest.mark.parametrize("score", [SEEN, UNSEEN])
+def test_a_detectors_boxes_do_not_tell_whether_a_goal_was_reached(score):
+    told = decided(120, 2, Action.Done, score)
+    decisions = (decided(102), dataclasses.replace(told, by_detections=True))
+    result = judge(made(decisions=decisions))
+    assert (result.success.value, result.cf_success.value) == (None, None)
+    assert "a detector's boxes do not tell" in result.success.why
+    assert judge(made(decisions=decisions, reached=True)).success.value is True
+    assert judge(with_truth(decisions=decisions)).success.value is True
+    assert judge(made("step_limit", decisions=decisions[:1])).success.value is False
+
+
 @pytest.mark.parametrize("outcome", ["step_limit", "aborted", "refused"])
 def test_no_other_end_is_a_success_although_the_goal_is_seen(outcome):
     for drive in (made(outcome), with_truth(outcome=outcome)):

@@ -183,6 +183,7 @@ def _decided(message: Any, about: dict[str, Any]) -> Decided:
         detection_score=message.detection_score,
         vetoed=bool(message.vetoed),
         met_before=bool(getattr(message, "met_before", False)),
+        by_detections=bool(getattr(message, "by_detections", False)),
         **about,
     )
 

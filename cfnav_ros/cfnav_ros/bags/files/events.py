@@ -127,6 +127,7 @@ class Decided(Event):
         vetoed: decided but not executed.
         met_before: whether a MoveAhead of the drive was stopped in this way ahead; bags recorded
             before this was remembered do not say it.
+        by_detections: whether the score is a detector's; bags from before do not say it.
     """
 
     goal: str
@@ -139,6 +140,7 @@ class Decided(Event):
     detection_score: float
     vetoed: bool
     met_before: bool = False
+    by_detections: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -177,7 +177,10 @@ def _successes(drive: Drive) -> dict[str, bool]:
         if drive.truths and drive.truths[-1].goal == drive.goal:
             visible = done is not None and nearest(drive.truths, done.t_ns).goal_visible
             found[TRUTH] = visible
-        found[OBSERVABLE] = done is not None and done.detection_score >= SEEN_SCORE
+        # what a detector says of one picture tells little of what was in view, and a policy that
+        # remembers says Done without it
+        if done is None or not done.by_detections:
+            found[OBSERVABLE] = done is not None and done.detection_score >= SEEN_SCORE
     if drive.reached is not None:
         found[FILE] = drive.reached
     return found
@@ -205,6 +208,8 @@ def _success(drive: Drive, by: Mapping[str, bool]) -> Fact:
         return Fact(None, why="the drive has no goal")
     if drive.outcome == UNFINISHED:
         return Fact(None, why="the bag does not hold its end")
+    if _done(drive) is not None:
+        return Fact(None, why="a detector's boxes do not tell whether the goal was in view at Done")
     if drive.outcome == DONE:
         return Fact(None, why="it ended as done, but the bag does not hold the decision Done")
     return Fact(None, why="neither the policy nor a file says whether the goal was reached")
