@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM: a KeyboardInterrupt that is never lost."""
+"""SIGINT, SIGTERM and SIGHUP: a KeyboardInterrupt that is never lost."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ import signal
 from types import FrameType
 
 
+def ends() -> list[signal.Signals]:
+    """Signals that end a process: that of a terminal that closes, too, unless ``nohup`` says no."""
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *[signal.SIGHUP] * hangs_up]
+
+
 class Interrupt:
-    """SIGINT and SIGTERM as ``KeyboardInterrupt``, once; what follows is clean-up.
+    """Signals that end a process as ``KeyboardInterrupt``, once; what follows is clean-up.
 
     Raised inside a destructor or a foreign callback it would be printed and forgotten, so loops
     call ``check``, which raises it again.
@@ -19,7 +25,7 @@ class Interrupt:
     def catch(self) -> None:
         """From now on the process can be interrupted."""
         self._came = False
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ends():
             signal.signal(number, self._handle)
 
     def check(self) -> None:
@@ -29,7 +35,7 @@ class Interrupt:
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         # A second signal must not tear the clean-up in two.
-        for other in (signal.SIGINT, signal.SIGTERM):
+        for other in ends():
             signal.signal(other, signal.SIG_IGN)
         self._came = True
         raise KeyboardInterrupt

@@ -20,7 +20,8 @@ REFLEX_S = 2.0
 at 0.14 m/s); nobody pushes it."""
 
 MET = (Status.BUMPED, Status.STALLED)
-"""Ends of a MoveAhead that something stopped: the bumper says so, or the wheels turn in vain."""
+"""Ends of a MoveAhead that something stopped: the bumper says so, or the wheels turn in vain. A
+base that backs off by reflex and does not say why has met something, too."""
 
 
 class Conduct:
@@ -41,8 +42,11 @@ class Conduct:
         self._failed_motions = self._stalls = 0
 
     def start(self, t: float, inputs: SensorInputs) -> None:
-        """The episode drives from now on; what was reported before is old."""
-        self.track = Track(_bumped(t, inputs))
+        """The episode drives from now on; what was reported before is old.
+
+        Also a bump of before node time began anew, whose time is yet to come.
+        """
+        self.track = Track(min(_bumped(t, inputs), t))
         self.stands_from = self._begun = t
 
     def look(self) -> None:
@@ -92,7 +96,7 @@ class Conduct:
         """
         self.stands_from = t
         silence, reason = self._lag.silence(t), motion.reason
-        if motion.advances and status in MET and not silence:
+        if motion.advances and (status in MET or motion.backed_off) and not silence:
             self.met.take(Stop(at, status, reason))
         if status in (Status.STALLED, Status.LATE) and silence:
             reason = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
-from math import radians
+from math import inf, radians
 from typing import TYPE_CHECKING
 
 from cfnav_core.task.actions import Action
@@ -121,7 +121,7 @@ class Episode:
         elif stop_first:
             return
         self.phase = Phase.STOPPING if stop_first else Phase.ENDED
-        self._since = self._t
+        self._since = inf  # from the next update on, however far node time has leapt by then
 
     def fail(self, message: str) -> None:
         """End the episode because it cannot go on: refused before it drove, aborted after.
@@ -217,10 +217,13 @@ class Episode:
         """Wait until the base has left its dock, or is back on it; then go on, or end.
 
         Off the dock everything begins anew: sensors that slept there, and the odometry, which a
-        base may reset. Who else speaks matters to a drive only: on the dock drivers come and go.
+        base may reset.
         """
         leaves = self.phase is Phase.UNDOCK
-        self.fail(self._watch.forbids(replace(inputs, docked=False, rival="")))
+        wrong = self._watch.forbids_own(inputs, leaves)
+        if wrong and not leaves:
+            self.message = f"{self.message} {wrong}".rstrip()
+        self.fail(wrong)
         if self.ended:
             return
         failed = own.update(t, inputs.base.waiting, inputs.docked is not leaves)
@@ -393,6 +396,7 @@ class Episode:
             motion.block("The LiDAR sees the way closing.")
 
     def _stopping(self, t: float) -> Output:
+        self._since = min(self._since, t)
         waited = t - self._since
         resting = self._conduct.rests()
         if waited >= self._limits.stop_time and (resting or waited >= REST_TIMEOUT_S):

@@ -179,7 +179,7 @@ class Motion:
         if action not in (Action.MoveAhead, Action.RotateLeft, Action.RotateRight):
             raise ValueError(f"{action.name} is no motion of the base.")
         self.action = action
-        self.reason = ""
+        self.reason, self.backed_off = "", False
         self._side = {Action.RotateLeft: 1, Action.RotateRight: -1}.get(action, 0)
         self._heading = grid_heading(odometry.yaw, origin, self._side)
         error = wrap(self._heading - odometry.yaw)
@@ -264,6 +264,7 @@ class Motion:
         if remaining <= tolerance + self._speed * self._lag(t, odometry):
             return Status.SUCCEEDED
         if remaining > marked + RETREAT * stall:
+            self.backed_off = True
             self.reason = f"The base backed off during {self.action.name}."
             return Status.PUSHED
         if self._off_line(odometry):

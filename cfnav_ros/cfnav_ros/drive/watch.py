@@ -6,6 +6,9 @@ be trusted, then a LiDAR that sees nothing (which forbids driving ahead, but no 
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from cfnav_ros.drive.inputs import SensorInputs, unusable
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.lidar.estimate import Verdict
@@ -48,6 +51,15 @@ class Watch:
         if not fault and self._type and base.ready and base.type != self._type:
             return f"The listener on cmd_vel now wants {base.type}, before it was {self._type}."
         return fault
+
+    def forbids_own(self, inputs: SensorInputs, leaves: bool) -> str:
+        """One sentence when the base must not leave its dock, or go back to it, else empty.
+
+        Who else speaks matters to a drive only: on the dock drivers come and go. An empty battery
+        is a reason to go there.
+        """
+        battery = inputs.battery if leaves else math.nan
+        return self.forbids(replace(inputs, docked=False, rival="", battery=battery))
 
     def stops(self, t: float, inputs: SensorInputs) -> str:
         """One sentence while the robot must stand because an input cannot be used, else empty."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from cfnav_core.robot.robot import MOUNTS, Robot, load_robot, robot_setting
 from cfnav_core.robot.settings import setting
+from cfnav_core.task.actions import STEP_M
 from cfnav_ros.lidar.depth_memory import DepthParameters
 from cfnav_ros.lidar.estimate import Estimate, Scan, SweptDisc, blind, estimate_collision
 from cfnav_ros.lidar.mounting import Mounting, OwnParts
@@ -84,6 +85,10 @@ class LidarParameters:
     def __post_init__(self) -> None:
         if self.mount not in MOUNTS:
             raise ValueError(f"mount is {self.mount!r}, expected {', '.join(MOUNTS)}.")
+        if self.disc.step != STEP_M:
+            raise ValueError(
+                f"disc.step is {self.disc.step:g}, expected {STEP_M}, which a MoveAhead drives."
+            )
 
 
 class ScanWatch:

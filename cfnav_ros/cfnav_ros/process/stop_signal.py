@@ -1,9 +1,11 @@
-"""SIGINT and SIGTERM as a flag, for nodes."""
+"""SIGINT, SIGTERM and SIGHUP as a flag, for nodes."""
 
 from __future__ import annotations
 
 import signal
 from types import FrameType
+
+from cfnav_core.command.interrupt import ends
 
 
 class StopSignal:
@@ -14,7 +16,7 @@ class StopSignal:
 
     def __init__(self) -> None:
         self._number = 0
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ends():
             signal.signal(number, self._handle)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
@@ -22,7 +24,7 @@ class StopSignal:
 
     def ignore(self) -> None:
         """From now on nothing disturbs the end: while Python ends, a signal would kill it."""
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ends():
             signal.signal(number, signal.SIG_IGN)
 
     def __bool__(self) -> bool:

@@ -3,8 +3,8 @@
 Run it with ``cfnav node detector``; its parameters are those of ``DetectorParameters``. A class is
 told by its name and a box in pixels of the picture; a message bears the stamp and the frame of the
 picture that it is about. A picture of which nothing is told gets an empty message; one that cannot
-be read, is of nothing at all (a covered lens) or comes from a frozen camera gets none, so that
-whoever drives by it stops.
+be read, is of nothing at all (a covered lens), comes from a frozen camera or from one of two
+publishers gets none, so that whoever drives by it stops.
 """
 
 from __future__ import annotations
@@ -88,6 +88,7 @@ class DetectorNode(Node):
         picture = robot.topics["image"]
         quality = newest_only(given.lock_step)
         kind = message_type(picture.type)
+        self._pictures = picture.name
         self.create_subscription(kind, picture.name, self._on_picture, quality)
         self.create_subscription(
             Odometry, robot.topics["odom"].name, self._on_odometry, qos_profile_sensor_data
@@ -122,6 +123,10 @@ class DetectorNode(Node):
     def _on_picture(self, message: Image | CompressedImage) -> None:
         self._rate.note(time.monotonic())
         try:
+            if (speakers := self.count_publishers(self._pictures)) > 1:
+                raise ValueError(
+                    f"{self._pictures} has {speakers} publishers of pictures: end all but one."
+                )
             frame = conversions.frame_from_message(message)
             seen = self._watch.look(frame, self._odometry, self._tilt)
             if wrong := seen.fault or seen.waiting:

@@ -176,6 +176,30 @@ def test_whoever_ends_the_goal_meanwhile_stops_the_robot_on_its_way():
     assert dock.asked[0].cancelled()
 
 
+def test_a_battery_that_runs_low_on_the_way_is_no_reason_to_turn_back():
+    robot = Robot()
+    dock, episode = to_the_dock(robot)
+    robot.run(episode, until=lambda _: dock.asked)
+    robot.fields = {**robot.fields, "battery": 0.149}
+    robot.tick(episode)
+    assert episode.phase is Phase.DOCK
+    dock.asked[0].set_result("")
+    dock.put(True)
+    robot.run(episode)
+    assert episode.message == "The policy says that it sees the Laptop."
+
+
+def test_what_breaks_off_the_way_to_the_dock_is_said():
+    robot = Robot()
+    dock, episode = to_the_dock(robot)
+    robot.run(episode, until=lambda _: dock.asked)
+    robot.fields = {**robot.fields, "powered": False}
+    robot.run(episode)
+    assert episode.outcome == "done"
+    assert "that it sees the Laptop. The wheels have no power" in episode.message
+    assert dock.asked[0].cancelled()
+
+
 def test_after_an_abort_the_base_moves_no_more():
     robot = Robot()
     dock = Dock(robot, docked=False)

@@ -6,7 +6,7 @@ import re
 from concurrent.futures import Future
 
 import pytest
-from cfnav_ros.drive.inputs import AgeLimits, CameraFrame, PictureCheck, SensorInputs
+from cfnav_ros.drive.inputs import AgeLimits, Bumper, CameraFrame, PictureCheck, SensorInputs
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import STOP
 from cfnav_ros.drive.phases import Phase
@@ -294,3 +294,30 @@ def test_bad_limits_are_refused():
         EpisodeLimits(p_hat="shuffled")
     with pytest.raises(ValueError, match="p_hat is 'own', which does without the LiDAR, and veto"):
         EpisodeLimits(p_hat="own")
+
+
+def test_after_a_leap_of_node_time_the_robot_is_stopped_as_at_every_end():
+    robot = Robot()
+    episode, _ = episode_of(*[Action.MoveAhead] * 5)
+    robot.run(episode, until=lambda episode: driving(episode) and robot.v > 0.15)
+    robot.t += 10.0
+    episode.fail("Node time leapt ahead.")
+    robot.move = lambda command: None  # the first zeros are lost
+    for _ in range(8):
+        assert robot.tick(episode).command == STOP
+        assert not episode.ended
+    del robot.move
+    robot.run(episode)
+    assert (episode.outcome, robot.v) == ("aborted", 0.0)
+
+
+def test_a_bump_of_before_node_time_began_anew_hides_no_new_one():
+    robot = Robot()
+    robot.bumped = robot.bump_stamp = robot.t + 4900.0
+    episode, _ = episode_of(Action.MoveAhead, Action.Done)
+    robot.run(episode, until=lambda episode: driving(episode) and robot.v > 0.15)
+    robot.bumped, robot.bump_stamp, robot.bumper = robot.t, robot.t, Bumper(pressed=True)
+    robot.tick(episode)
+    robot.bumper = Bumper()
+    robot.run(episode)
+    assert episode.track.bumps == 1

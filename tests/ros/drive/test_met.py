@@ -11,7 +11,7 @@ from cfnav_ros.drive.phases import Phase
 from cfnav_ros.drive.track import Met, Stop
 
 from cfnav_core.task.actions import Action
-from tests.ros.scripted_robot import FREE, OWN, Robot, driving, episode_of
+from tests.ros.scripted_robot import DT, FREE, OWN, Robot, driving, episode_of
 
 MOVE, LEFT, RIGHT = Action.MoveAhead, Action.RotateLeft, Action.RotateRight
 WALL = 0.1
@@ -124,3 +124,47 @@ def test_a_policy_without_a_lidar_is_given_its_own():
     _, _, policy, touches = before_a_table(MOVE, MOVE, Action.Done, veto=False, p_hat="own")
     assert touches == 2
     assert policy.given == [OWN] * 3
+
+
+def backing_off(*actions, relayed, **limits):
+    """Drive a robot whose base backs off by itself from a wall that no scan shows."""
+    robot, touched, back = Robot(), [], [0]
+    episode, policy = episode_of(*actions, **limits)
+    obey = robot.move
+
+    def move(command):
+        if back[0]:
+            back[0] -= 1
+            robot.bumper = Bumper()
+            robot.v, robot.w = -0.14, 0.0
+            robot.x -= 0.14 * DT
+        elif command.v > 0 and robot.x + command.v * DT >= WALL:
+            touched.append(robot.t)
+            back[0], robot.v = 16, 0.0
+            if relayed:
+                robot.bumped, robot.bumper = robot.t, Bumper(True, True)
+        else:
+            obey(command)
+
+    robot.move = move
+    robot.run(episode, limit=300)
+    return episode, policy, len(touched)
+
+
+@pytest.mark.parametrize("relayed", [True, False])
+def test_a_reflex_that_nobody_explains_has_met_something(relayed):
+    """A TurtleBot 4 on Jazzy relays no hazards; its base backs off all the same."""
+    episode, _, touches = backing_off(*[MOVE] * 60, relayed=relayed)
+    assert touches == 1
+    assert episode.outcome == "aborted"
+    _, policy, touches = backing_off(MOVE, MOVE, LEFT, Action.Done, relayed=relayed, veto=False)
+    assert policy.given[1] == 1.0
+
+
+def test_a_base_that_leaves_its_line_has_met_nothing():
+    robot = Robot()
+    episode, policy = episode_of(MOVE, MOVE, Action.Done)
+    robot.run(episode, until=driving)
+    robot.y += 0.09
+    robot.run(episode)
+    assert policy.given[1] == FREE.probability

@@ -300,3 +300,8 @@ def test_parts_that_return_from_within_the_hull_are_not_seen_through():
 def test_a_robot_without_parts_has_none_to_look_for():
     parts = OwnParts((), DISC.radius)
     assert not any(parts.look(scan, DISC.mount) for scan in stream(30, scan_of(room)))
+
+
+def test_the_step_that_is_judged_is_the_one_that_is_driven():
+    with pytest.raises(ValueError, match=r"disc\.step is 0\.1, expected 0\.25, which a MoveAhead"):
+        LidarParameters(disc=SweptDisc(step=0.1))

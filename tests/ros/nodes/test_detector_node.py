@@ -159,6 +159,27 @@ def test_a_camera_without_noise_is_frozen_when_the_robot_moves(camera: Camera) -
     freeze(camera, picture(30), drive)
 
 
+def test_while_two_send_pictures_nothing_is_told(camera: Camera) -> None:
+    """The policy hears one detector, whoever showed it the goal."""
+    assert camera.show(picture(20)).header.stamp.sec == 20
+    stranger = camera.node.create_publisher(Image, camera.pictures.topic_name, 1)
+    stamps = itertools.count(21)
+    camera.wait(
+        lambda: any("has 2 publishers" in s.message for told in camera.told for s in told.status),
+        "a sentence about the other one",
+        lambda: stranger.publish(picture(next(stamps))),
+    )
+    seen = len(camera.found)
+    stranger.publish(picture(next(stamps)))
+    camera.pictures.publish(picture(next(stamps)))
+    camera.told.clear()
+    camera.wait(lambda: camera.told, "its next report")
+    assert len(camera.found) == seen
+    camera.node.destroy_publisher(stranger)
+    shown = next(stamps)
+    assert camera.show(picture(shown)).header.stamp.sec == shown
+
+
 def test_what_changes_as_the_camera_tilts_is_no_noise(camera: Camera) -> None:
     """A camera without noise that has tilted, and then rests, still tells."""
     joints = camera.node.create_publisher(JointState, "joint_states", 10)

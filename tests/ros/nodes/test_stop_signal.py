@@ -4,21 +4,24 @@ import os
 import signal
 
 import pytest
+from cfnav_ros.process.stop_signal import StopSignal
 
-from cfnav_core.command.interrupt import Interrupt
+from cfnav_core.command.interrupt import Interrupt, ends
+
+ALL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @pytest.fixture
 def interrupt():
-    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    before = [signal.getsignal(n) for n in ALL]
     caught = Interrupt()
     caught.catch()
     yield caught
-    for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+    for number, handler in zip(ALL, before, strict=True):
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", ALL)
 def test_a_signal_is_a_keyboard_interrupt_once(interrupt, number):
     interrupt.check()
     with pytest.raises(KeyboardInterrupt):
@@ -36,3 +39,20 @@ def test_an_interrupt_that_is_swallowed_comes_back(interrupt):
     Careless()  # Python prints what a destructor raises, and goes on
     with pytest.raises(KeyboardInterrupt):
         interrupt.check()
+
+
+def test_a_node_ends_with_its_terminal_unless_nohup_says_no():
+    before = {n: signal.getsignal(n) for n in ALL}
+    try:
+        stop = StopSignal()
+        assert not stop
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert stop
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        assert signal.SIGHUP not in ends()
+        stop = StopSignal()
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert not stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
