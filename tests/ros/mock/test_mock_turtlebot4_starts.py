@@ -27,7 +27,7 @@ from tests.ros.mock_listener import OTHER_ROOM, ros_arguments  # noqa: E402
         (["start:=[0.0, 0.0, 0.0]"], "is not free"),
         (["goal:=Unicorn"], "Unicorn"),
         (["camera:=periscope"], "expected mast, stock_preview, stock_wide, lite or a JSON file"),
-        (["camera_size:=7"], "expected 32 to 1080 pixels"),
+        (["camera_size:=7"], "expected 32 to 1920 pixels"),
         (["camera:=stock_wide", "camera_size:=480"], "40.1 degrees down come with 40.1 across"),
         (["noise:=-1.0"], "expected 0 to 10"),
         (["visual_shift:=1.5"], "expected 0 to 1"),
