@@ -151,7 +151,7 @@ def test_a_scanner_in_another_frame_is_blind_as_live():
 def test_the_disc_of_the_parameters_judges():
     near = behind_posts(scan_of(wall_ahead(0.6)))
     turn = LaserTurn(t_ns=START, log_ns=START + PERIOD_NS, scan=near)
-    wide = LidarParameters(disc=SweptDisc(step=0.5))
+    wide = LidarParameters(disc=SweptDisc(radius=0.4))
     assert judged([turn])[0].estimate.probability < 0.2
     assert judged([turn], Estimates(wide))[0].estimate.probability > 0.9
 
