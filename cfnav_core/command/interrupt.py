@@ -6,7 +6,7 @@ import signal
 from types import FrameType
 
 
-def ends() -> list[signal.Signals]:
+def ending_signals() -> list[signal.Signals]:
     """Signals that end a process: that of a terminal that closes, too, unless ``nohup`` says no."""
     hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
     return [signal.SIGINT, signal.SIGTERM, *[signal.SIGHUP] * hangs_up]
@@ -25,7 +25,7 @@ class Interrupt:
     def catch(self) -> None:
         """From now on the process can be interrupted."""
         self._came = False
-        for number in ends():
+        for number in ending_signals():
             signal.signal(number, self._handle)
 
     def check(self) -> None:
@@ -35,7 +35,7 @@ class Interrupt:
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         # A second signal must not tear the clean-up in two.
-        for other in ends():
+        for other in ending_signals():
             signal.signal(other, signal.SIG_IGN)
         self._came = True
         raise KeyboardInterrupt

@@ -13,7 +13,7 @@ from cfnav_core.files.whole import write_file
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write figures, making the folder; the file appears only when complete.
 
-    What is no number (NaN), as a mean of nothing, is written as null.
+    What is not finite, as a mean of nothing, is written as null: JSON has no such numbers.
 
     Raises:
         WriteError: the disk is full or refuses; what was there before stays whole.
@@ -26,4 +26,4 @@ def _plain(value: Any) -> Any:
         return {key: _plain(of) for key, of in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(of) for of in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -43,8 +43,8 @@ def check_same(run: Run, tensors: dict[str, Tensor], head: Head) -> None:
     # what says nothing of a rule had none
     found = {"stage1_rule": list(NO_RULE)} | head | head["config"]
     missing = {"validation_episodes", "leave_out"} - found.keys()
-    for key in asked.keys() - missing - {"hyperparameters"}:
-        if found.get(key) != asked[key]:
+    for key in asked:
+        if key not in ("hyperparameters", *missing) and found.get(key) != asked[key]:
             raise CheckpointError(
                 f"found a run with {key} {found.get(key)!r} in {options.out}, but "
                 f"{asked[key]!r} is asked for; choose another --out or delete it"

@@ -22,7 +22,7 @@ import tyro
 
 from cfnav_core.command import ending, need, read_options
 from cfnav_core.command.interrupt import INTERRUPT
-from cfnav_core.policy.bundle import find_bundle
+from cfnav_core.policy.bundle import BundleHead, find_bundle
 from cfnav_core.robot.robot import DEFAULT
 from cfnav_ros.process.nodes import NodeStart, parts
 from cfnav_ros.process.parameter_file import parameter_file
@@ -108,7 +108,12 @@ class SimulationBringup(Bringup):
 
 
 def parts_of(config: Bringup) -> list[NodeStart]:
-    """Return what to start, in the order in which it is ended in reverse."""
+    """Return what to start, in the order in which it is ended in reverse.
+
+    Raises:
+        BundleError: there is no such bundle.
+        GraphError: a detector that nobody would hear, or labels of none.
+    """
     given: dict[str, object] = {
         "robot": config.robot,
         "goal": config.goal or None,
@@ -117,7 +122,17 @@ def parts_of(config: Bringup) -> list[NodeStart]:
         "wait_for_recorder": config.bag and True,
     }
     nodes = ["lidar_collision_node", "policy_node", *["recorder_node"] * bool(config.bag)]
+    if isinstance(config, RobotBringup) and config.labels and not config.detector:
+        raise GraphError(
+            "found --labels without --detector; give the detector, or say detections.labels in the "
+            "parameter file"
+        )
     if isinstance(config, RobotBringup) and config.detector:
+        if config.bundle and not BundleHead.load(find_bundle(config.bundle)).reads_sightings:
+            raise GraphError(
+                f"found --detector for the bundle {config.bundle}, which sees pictures itself; "
+                "leave it out, or name a bundle that reads one, such as boxes"
+            )
         nodes.append("detector_node")
         labels = config.labels or None
         given |= {"model": config.detector.resolve(), "labels": labels, "detections.labels": labels}

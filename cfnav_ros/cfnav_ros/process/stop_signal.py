@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from types import FrameType
 
-from cfnav_core.command.interrupt import ends
+from cfnav_core.command.interrupt import ending_signals
 
 
 class StopSignal:
@@ -16,7 +16,7 @@ class StopSignal:
 
     def __init__(self) -> None:
         self._number = 0
-        for number in ends():
+        for number in ending_signals():
             signal.signal(number, self._handle)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
@@ -24,7 +24,7 @@ class StopSignal:
 
     def ignore(self) -> None:
         """From now on nothing disturbs the end: while Python ends, a signal would kill it."""
-        for number in ends():
+        for number in ending_signals():
             signal.signal(number, signal.SIG_IGN)
 
     def __bool__(self) -> bool:

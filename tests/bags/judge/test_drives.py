@@ -405,15 +405,3 @@ def test_the_map_of_another_robot_is_not_taken():
     assert of("robot1/odom") == 1.0
     assert of("robot2/odom") == 7.0
     assert of("odom") == 7.0  # whichever came last
-
-
-@pytest.mark.parametrize(("pace", "known"), [(1.0, True), (0.1, False), (4.0, False)])
-def test_stalls_are_not_told_by_two_clocks_of_another_pace(pace, known):
-    """A simulator's stamps in a bag whose log is the system's."""
-    events = [
-        dataclasses.replace(e, t_ns=e.t_ns, log_ns=ns(1e6) + round(e.t_ns / pace))
-        for e in drive(101, *[MOVE] * 12)
-    ]
-    (drive_,), _ = drives_of(events)
-    assert (STALL in drive_.contacts) is known
-    assert ("times as fast as that of the log" in drive_.stalls_about) is not known

@@ -55,7 +55,7 @@ def again(trained: TrainOptions, tmp_path: Path) -> TrainOptions:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"leave_out": ("Mug",)}, r"run with (leave_out \[\]|goals \['Laptop', 'Mug'\])"),
+        ({"leave_out": ("Mug",)}, r"run with leave_out \[\]"),
         ({"validation_episodes": 5}, "run with validation_episodes 20 in .*, but 5 is asked"),
     ],
 )
@@ -70,10 +70,10 @@ def test_goals_that_were_kept_from_a_run_stay_so(scenes: Path, tmp_path: Path) -
     chosen = options(scenes, tmp_path / "without", leave_out=("Mug",))
     train(chosen)
     assert load_tensors(chosen.out / CHECKPOINT)[1]["leave_out"] == ["Mug"]
-    with pytest.raises(CheckpointError, match=r"run with (leave_out \['Mug'\]|goals \['Laptop'\])"):
+    with pytest.raises(CheckpointError, match=r"run with leave_out \['Mug'\]"):
         Run(replace(chosen, leave_out=())).resume()
     asked = options(scenes, tmp_path / "plain", stage1=chosen.out / STAGE1)
-    with pytest.raises(CheckpointError, match=r"run with (leave_out|goals) "):
+    with pytest.raises(CheckpointError, match="run with goals "):
         Run(asked).resume()
 
 

@@ -123,6 +123,10 @@ def test_a_detector_sees_by_the_policys_robot_and_both_know_what_it_learnt(tmp_p
     assert "detections.labels" not in policy.parameters
     _, detector, policy = parts_of(replace(config, labels="voc"))
     assert detector.parameters["labels"] == policy.parameters["detections.labels"] == "voc"
+    with pytest.raises(GraphError, match="found --labels without --detector"):
+        parts_of(replace(config, labels="voc", detector=None))
+    with pytest.raises(GraphError, match="for the bundle turtlebot4, which sees pictures itself"):
+        parts_of(replace(config, bundle=Path("turtlebot4")))
 
 
 def test_simulation_starts_the_mock_first() -> None:

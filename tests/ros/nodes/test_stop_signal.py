@@ -6,7 +6,7 @@ import signal
 import pytest
 from cfnav_ros.process.stop_signal import StopSignal
 
-from cfnav_core.command.interrupt import Interrupt, ends
+from cfnav_core.command.interrupt import Interrupt, ending_signals
 
 ALL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -49,7 +49,7 @@ def test_a_node_ends_with_its_terminal_unless_nohup_says_no():
         os.kill(os.getpid(), signal.SIGHUP)
         assert stop
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        assert signal.SIGHUP not in ends()
+        assert signal.SIGHUP not in ending_signals()
         stop = StopSignal()
         os.kill(os.getpid(), signal.SIGHUP)
         assert not stop
