@@ -23,6 +23,8 @@ MET = (Status.BUMPED, Status.STALLED)
 """Ends of a MoveAhead that something stopped: the bumper says so, or the wheels turn in vain. A
 base that backs off by reflex and does not say why has met something, too."""
 
+RESTLESS = "The base does not come to rest: it drives by itself, or somebody pushes it."
+
 
 class Conduct:
     """Follows the base; each method returns one sentence when the episode must end, else empty."""

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from cfnav_core.task.actions import Action
 from cfnav_core.task.camera import MAST
-from cfnav_ros.drive.conduct import Conduct
+from cfnav_ros.drive.conduct import RESTLESS, Conduct
 from cfnav_ros.drive.inputs import SensorInputs
 from cfnav_ros.drive.limits import EpisodeLimits, given_p_hat, with_live
 from cfnav_ros.drive.motion import Motion, Status
 from cfnav_ros.drive.own_motion import NOT_BACK, NOT_LEFT, Begin, OwnMotion
-from cfnav_ros.drive.phases import NOT_DRIVEN, Output, Phase, StepRecord
+from cfnav_ros.drive.phases import DOCKS_AFTER, NOT_DRIVEN, Output, Phase, StepRecord
 from cfnav_ros.drive.track import Stop, Track
 from cfnav_ros.drive.watch import Watch
 from cfnav_ros.lidar.estimate import Verdict
@@ -27,12 +27,6 @@ from cfnav_ros.robot.stamps import NEVER
 
 if TYPE_CHECKING:
     from cfnav_core.policy.policy import Decision, Policy
-
-
-DOCKS_AFTER = ("done", "step_limit", "time_limit")
-"""Outcomes of a drive that nothing and nobody broke off."""
-
-RESTLESS = "The base does not come to rest: it drives by itself, or somebody pushes it."
 
 REST_TIMEOUT_S = 2.0
 """A robot that still moves this long after the end is reported as it is."""

@@ -29,6 +29,9 @@ class Phase(Enum):
 NOT_DRIVEN = (Phase.PREFLIGHT, Phase.UNDOCK)
 """Before the drive: what ends an episode here is a refusal."""
 
+DOCKS_AFTER = ("done", "step_limit", "time_limit")
+"""Outcomes of a drive that nothing and nobody broke off."""
+
 
 @dataclass(frozen=True)
 class StepRecord:

@@ -122,25 +122,32 @@ def parts_of(config: Bringup) -> list[NodeStart]:
         "wait_for_recorder": config.bag and True,
     }
     nodes = ["lidar_collision_node", "policy_node", *["recorder_node"] * bool(config.bag)]
-    if isinstance(config, RobotBringup) and config.labels and not config.detector:
-        raise GraphError(
-            "found --labels without --detector; give the detector, or say detections.labels in the "
-            "parameter file"
-        )
-    if isinstance(config, RobotBringup) and config.detector:
-        if config.bundle and not BundleHead.load(find_bundle(config.bundle)).reads_sightings:
-            raise GraphError(
-                f"found --detector for the bundle {config.bundle}, which sees pictures itself; "
-                "leave it out, or name a bundle that reads one, such as boxes"
-            )
-        nodes.append("detector_node")
-        labels = config.labels or None
-        given |= {"model": config.detector.resolve(), "labels": labels, "detections.labels": labels}
+    if isinstance(config, RobotBringup):
+        nodes += ["detector_node"] * bool(config.detector)
+        given |= _detector(config)
     if isinstance(config, SimulationBringup):
         nodes.append("mock_turtlebot4")
         given |= {"room": config.room or None, "seed": config.seed, "speed": config.speed}
         given |= {"faults": config.faults and config.faults.resolve(), "use_sim_time": True}
     return parts(nodes, given)
+
+
+def _detector(config: RobotBringup) -> dict[str, object]:
+    """What the detector, and the policy that hears it, are told."""
+    if config.detector is None and config.labels:
+        raise GraphError(
+            "found --labels without --detector; give the detector, or say detections.labels in the "
+            "parameter file"
+        )
+    if config.detector is None:
+        return {}
+    if config.bundle and not BundleHead.load(find_bundle(config.bundle)).reads_sightings:
+        raise GraphError(
+            f"found --detector for the bundle {config.bundle}, which sees pictures itself; leave "
+            "it out, or name a bundle that reads one, such as boxes"
+        )
+    labels = config.labels or None
+    return {"model": config.detector.resolve(), "labels": labels, "detections.labels": labels}
 
 
 def common_arguments(config: Bringup) -> list[str]:

@@ -14,7 +14,6 @@ from cfnav_ros.bags.judge.drive_log import BAG, FILE, POLICY
 from cfnav_ros.bags.judge.drives import RECENT, DriveFinder
 from cfnav_ros.bags.judge.episodes_file import EpisodeRow, EpisodesError, read_episodes, rows_by_bag
 from cfnav_ros.bags.judge.outcomes import live_outcome
-from cfnav_ros.bags.judge.thinned import Thinned
 from cfnav_ros.drive import outcome
 
 from cfnav_core.task.actions import Action
@@ -228,16 +227,6 @@ def test_a_log_whose_time_stands_does_not_fill_the_memory():
     assert len(finder._recent) == RECENT
     (drive_,) = finder.finish()
     assert drive_.seconds == pytest.approx((3 * RECENT - 1) / 20)
-
-
-def test_hours_fit_into_little_memory():
-    kept = Thinned(lambda a, b, spacing: b - a >= spacing, most=100)
-    for i in range(100_000):
-        kept.take(float(i), pin=i == 777)
-    found = kept.all()
-    assert len(found) < 105
-    assert {0.0, 776.0, 777.0, 99_999.0} <= set(found)
-    assert found == sorted(found)
 
 
 def scene(seed):
