@@ -12,7 +12,7 @@ import pytest
 from cfnav_core.files.locks import locked
 from cfnav_core.policy.bundle import find_bundle
 from studies.live.identities import WORLD, identity_of
-from studies.live.trials import TrialsConfig, run
+from studies.live.trials import TrialsConfig, camera_of, run
 
 
 @pytest.fixture
@@ -61,3 +61,13 @@ def test_two_processes_never_add_to_one_file(config: TrialsConfig) -> None:
         pytest.raises(OSError, match=r"trials.lock held by another process"),
     ):
         run(config)
+
+
+def test_a_camera_file_is_known_by_its_content(tmp_path: Path) -> None:
+    """Trials of one file are of one camera, whatever its name comes to mean."""
+    path = tmp_path / "mine.json"
+    path.write_text("{}")
+    before = camera_of(TrialsConfig(camera=str(path)))
+    path.write_text("{ }")
+    assert before != camera_of(TrialsConfig(camera=str(path))) != str(path)
+    assert camera_of(TrialsConfig(camera="mast")) == "mast"

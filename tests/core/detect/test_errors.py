@@ -30,6 +30,11 @@ def test_without_errors_the_truth_is_said() -> None:
     assert 0.3 <= one.score <= 1
 
 
+def test_a_detector_may_find_nothing_at_all() -> None:
+    none = replace(PERFECT, recall=Recall(-1000, 0, 0, 0, {}))
+    assert often(none, MUG, times=20) == [[]] * 20
+
+
 def test_things_are_missed_as_often_as_the_model_says() -> None:
     recall = Recall(-6.0, 1.0, 2.0, -0.5, {"Mug": 1.0})
     model = replace(PERFECT, recall=recall)
