@@ -81,6 +81,9 @@ class Robot:
     bundle: str = setting(
         "default", "that drives unless told: the name of a shipped one, or a folder"
     )
+    camera: str = setting(
+        "mast", "that it has in simulation: mast, stock_wide, stock_preview, lite or a JSON file"
+    )
     base_frame: str = setting("base_link", "frame of velocities and estimates")
     radius: float = setting(0.175, "hull, m", 0.01, 1.0)
     height: float = setting(0.351, "top of the hull over base_frame, m", 0.01, 3.0)

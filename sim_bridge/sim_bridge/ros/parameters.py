@@ -36,9 +36,9 @@ class MockParameters:
     start: tuple[float, ...] = setting((), "x m, y m, yaw rad; only without a goal")
     speed: float = setting(1.0, "times real time; 0 is as fast as it can", 0.0, 1000.0)
     camera: str = setting(
-        "mast",
+        "",
         "mast (1.3 m, 90 deg, tilts), stock_wide (as sold, 66 deg), stock_preview (40 deg), lite "
-        "(the Lite's, 64 deg) or a JSON file of another",
+        "(the Lite's, 64 deg) or a JSON file of another; empty: the robot's",
     )
     camera_size: int = setting(0, "width and height of the picture, pixels; 0: the camera's own")
     scan_mode: str = setting(
@@ -89,9 +89,9 @@ class MockParameters:
             raise ValueError(f"clock is {self.clock!r}; expected simulated or system.")
         if self.clock == "system" and (self.speed != 1 or self.lock_step):
             raise ValueError("clock is system; expected speed 1 and no lock_step with it.")
-        if max(CameraSetUp.read(self.camera).size) > LARGEST_PICTURE:
+        if max(self._chosen.size) > LARGEST_PICTURE:
             raise ValueError(
-                f"camera is {self.camera}; expected pictures of at most {LARGEST_PICTURE} pixels "
+                f"camera is {self._named}; expected pictures of at most {LARGEST_PICTURE} pixels "
                 "along each side."
             )
         if self.scan_mode not in MODES:
@@ -120,9 +120,16 @@ class MockParameters:
     @property
     def set_up(self) -> CameraSetUp:
         """The camera, with the size asked for."""
-        chosen = CameraSetUp.read(self.camera)
-        size = (self.camera_size, self.camera_size) if self.camera_size else chosen.size
-        return replace(chosen, size=size)
+        size = (self.camera_size, self.camera_size) if self.camera_size else self._chosen.size
+        return replace(self._chosen, size=size)
+
+    @property
+    def _named(self) -> str:
+        return self.camera or self.described.camera
+
+    @property
+    def _chosen(self) -> CameraSetUp:
+        return CameraSetUp.read(self._named)
 
 
 def read_parameters(node: Node) -> MockParameters:

@@ -1,6 +1,6 @@
 """The LiDAR collision node and the policy node, for a robot that is up.
 
-    ros2 launch cfnav_bringup robot.launch.py robot:=turtlebot4 goal:=Laptop
+    ros2 launch cfnav_bringup robot.launch.py robot:=turtlebot4 goal:=Chair
 
 Which nodes there are, and what each is told, says ``cfnav_ros.process.nodes``. The policy node owns
 the velocity: it is never started again by itself, and when it ends, so does everything. The LiDAR
