@@ -23,12 +23,11 @@ from cfnav_core.files.provenance import made_by, sign
 from cfnav_core.scenes.scene import LIDAR, SCANS, OfflineScene, SceneError, changed_files
 from cfnav_core.scenes.scene import read_head as read_scene_head
 from cfnav_core.task.camera import MAST
-from cfnav_core.task.rooms import parse_room, parse_rooms, room_folder, rooms_in
+from cfnav_core.task.rooms import parse_room, parse_rooms, room_folder, rooms_in, shift_of
 
 SAMPLED = 24
 """States of a room that are drawn again, and turns of the LiDAR that are judged again."""
 
-SHIFTED = re.compile(r" shifted by ([\d.]+)$")
 NOISE = re.compile(r" noise ([\d.]+)$")
 
 
@@ -89,8 +88,7 @@ def restamp(folder: Path) -> str:
         scene.visible[states], sampled_visible(world, grid, camera, scene.objects, states)
     ):
         return "another room: other objects are visible"
-    shift = SHIFTED.search(scene.source)
-    source = room_source(parse_room(scene.name)[0], float(shift[1]) if shift else 0.0)
+    source = room_source(parse_room(scene.name)[0], shift_of(scene.source))
     replace(scene, source=source, camera=camera).write_head(folder, head["sha256"])
     return _restamp_scans(folder, replace(scene, source=source))
 

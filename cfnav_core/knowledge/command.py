@@ -77,7 +77,8 @@ def training_scenes(folder: Path, rooms: Sequence[str]) -> list[OfflineScene]:
 
     Args:
         folder: of built-in scenes, or a store.
-        rooms: see ``scenes.scene_names``; of a store, its training split when there are none.
+        rooms: see ``scenes.select.scene_names``; of a store, its training split when there are
+            none.
 
     Raises:
         SceneError: there are none, or one is missing or damaged.

@@ -162,7 +162,7 @@ class SceneBank:
         in_memory: bool = True,
         leave_out: Sequence[str] = (),
     ) -> SceneBank:
-        """Open scenes of a folder or a store, see ``scenes.open_scenes``.
+        """Open scenes of a folder or a store, see ``scenes.select.open_scenes``.
 
         A store of published data draws as its code does. Goals to leave out are neither asked for
         nor detected, and scenes that have no other are not there.

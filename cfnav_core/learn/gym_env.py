@@ -105,7 +105,7 @@ class ObjectNav(gymnasium.Env[Any, Any]):
 
     Args:
         scenes: folder of scenes, or a packed store.
-        rooms: see ``scenes.scene_names``; every scene when empty.
+        rooms: see ``scenes.select.scene_names``; every scene when empty.
         collision_penalty: r_c.
 
     Raises:

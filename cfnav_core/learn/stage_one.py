@@ -113,6 +113,6 @@ def predictor_figures(bank: SceneBank, trace: Sequence[Trace]) -> dict[str, floa
             "predictor_blocked": float(blocked.mean()),
             "predictor_brier": brier(p, blocked, ones),
         }
-        if not math.isnan(area := auc(p, blocked, ones)):
+        if not math.isnan(area := auc(p, blocked)):
             found["predictor_auc"] = area
     return found

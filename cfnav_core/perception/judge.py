@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import rankdata
 
+from cfnav_core.task.calibration import auc
 from cfnav_core.task.vocabulary import CATEGORIES
 
 SHOWN_PIXELS = 12
@@ -16,20 +16,6 @@ LEAST = 10
 def shown_in(heat: np.ndarray) -> np.ndarray:
     """Bool [N, C]: which categories pictures show, by the ``heat`` of their ``PictureSet``."""
     return np.asarray(heat).max((1, 2)) >= SHOWN_PIXELS
-
-
-def area_under_roc(score: np.ndarray, label: np.ndarray) -> float:
-    """Chance that a positive scores above a negative, ties half; NaN without both.
-
-    Args:
-        score: float [n].
-        label: bool [n].
-    """
-    positives, negatives = int(label.sum()), int((~label).sum())
-    if not positives or not negatives:
-        return float("nan")
-    ranks = rankdata(score)[label].sum() - positives * (positives + 1) / 2
-    return float(ranks / (positives * negatives))
 
 
 def counted(truth: np.ndarray) -> np.ndarray:
@@ -58,7 +44,7 @@ def agreement(
     of_shown, of_near = among or (counted(is_shown), counted(is_near))
 
     def aucs(score: np.ndarray, truth: np.ndarray, which: np.ndarray) -> list[float]:
-        return [area_under_roc(score[:, c], truth[:, c]) for c in which]
+        return [auc(score[:, c], truth[:, c]) for c in which]
 
     def f1(c: int | slice) -> float:
         hit = near[:, c] > 0.5

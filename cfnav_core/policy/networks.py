@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Backend = Literal["onnx", "torch"]
 
 SEEN = ("features", "detections", "goal", "room", "previous_action", "collision_probability")
-"""What a policy may read (``models.ModelInput``); whatever else policy.onnx takes is its memory."""
+"""What a policy may read (``models.base.ModelInput``); what else policy.onnx takes is memory."""
 
 
 @dataclass

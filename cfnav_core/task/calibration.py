@@ -110,11 +110,20 @@ def brier(p: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
     return float(np.average((p - y) ** 2, weights=weight))
 
 
-def auc(score: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
-    """Chance that one that came true scores higher than one that did not; ties count half.
+def auc(score: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) -> float:
+    """Area under the ROC curve.
 
-    NaN when all came true, or none.
+    That is the chance that one that came true scores higher than one that did not; ties count half.
+
+    Args:
+        score: float [N].
+        y: bool [N], which came true.
+        weight: float [N]; all alike when None.
+
+    Returns:
+        0..1; NaN when all came true, or none.
     """
+    weight = np.ones(len(y)) if weight is None else weight
     _, positive, negative = _counted(score, y, weight)
     above = np.cumsum(positive) - positive
     total = positive.sum() * negative.sum()

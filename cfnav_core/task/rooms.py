@@ -40,6 +40,15 @@ AGAIN = "make it again (cfnav rooms make, or rooms boxes where it has sightings)
 """What to do about a scene that is damaged or of another version."""
 
 
+SHIFTED = " shifted by "
+"""In a scene's source, before the strength of another light and lens than in training."""
+
+
+def shift_of(source: str) -> float:
+    """How far the pictures of a scene look otherwise than in training, by its source."""
+    return float(source.partition(SHIFTED)[2] or 0)
+
+
 def parse_room(text: str) -> tuple[str, int]:
     """Read ``type:seed``.
 

@@ -32,7 +32,7 @@ from cfnav_ros.ros.graph import RosGraph
 from tqdm import tqdm
 
 from cfnav_core.command import run_options
-from cfnav_core.files.json_lines import read_rows
+from cfnav_core.files.json_lines import read_rows, write_rows
 from cfnav_core.files.provenance import commit
 from cfnav_core.policy.bundle import BundleHead, shipped_bundle
 from cfnav_core.task.actions import Action
@@ -75,16 +75,13 @@ def blind_bundle(folder: Path, seed: int) -> Path:
 
 def measure(config: AgreementConfig) -> dict[str, Any]:
     """Run what is missing and sum everything up."""
-    config.out.parent.mkdir(parents=True, exist_ok=True)
     rows = read_rows(config.out)
     made = {row["number"] for row in rows}
     blind = blind_bundle(config.out.parent / "bundles", config.seed)
     for number in tqdm(range(config.bags), unit="bag"):
         if number not in made:
-            new = judged(config, number, None if number % 2 == 0 else blind)
-            with config.out.open("a") as file:
-                file.writelines(json.dumps(row) + "\n" for row in new)
-            rows += new
+            rows += judged(config, number, None if number % 2 == 0 else blind)
+            write_rows(config.out, rows)
     return summary(rows)
 
 

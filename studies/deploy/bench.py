@@ -58,9 +58,9 @@ def _lidar(_: DeployConfig) -> dict[str, Any]:
 
 
 def _calibration(config: DeployConfig) -> dict[str, Any]:
-    from studies.deploy.calibration import measure
+    from studies.deploy.calibration import CalibrationConfig, measure
 
-    return {"calibration": measure(config.out)}
+    return {"calibration": measure(CalibrationConfig(config.out))}
 
 
 def _usage(config: DeployConfig) -> dict[str, Any]:

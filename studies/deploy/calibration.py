@@ -11,7 +11,6 @@ What the error model owes to measurement is settled in the training rooms, never
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -25,6 +24,7 @@ from cfnav_ros.lidar.sweep import NOMINAL
 from sim_bridge.robot.rplidar import MODES, ScanMode
 
 from cfnav_core.command import run_options
+from cfnav_core.files.json_file import write_json
 from cfnav_core.task import calibration as rel
 from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.deploy import reliability
@@ -142,10 +142,10 @@ def figures(found: Predicted) -> dict[str, float | int | list[float] | list[list
         "ece_equal_count_interval": list(rel.error_interval(p, y, equal_count=True)),
         "brier": brier,
         "brier_skill": 1 - brier / (base * (1 - base)),
-        "auc": rel.auc(p, y, ones),
-        "auc_clearance": rel.auc(-found.clearance, y, ones),
+        "auc": rel.auc(p, y),
+        "auc_clearance": rel.auc(-found.clearance, y),
         "brier_geometric": rel.brier(found.plain, y, ones),
-        "auc_geometric": rel.auc(found.plain, y, ones),
+        "auc_geometric": rel.auc(found.plain, y),
         "plain_base_rate": plain_base,
         "plain_brier": plain_brier,
         "plain_brier_skill": 1 - plain_brier / (plain_base * (1 - plain_base)),
@@ -168,10 +168,9 @@ def figures(found: Predicted) -> dict[str, float | int | list[float] | list[list
 
 
 def measure(
-    out: Path, n: int = 20_000, config: CalibrationConfig | None = None
+    config: CalibrationConfig,
 ) -> dict[str, float | int | list[float] | list[list[float]]]:
     """Measure, write calibration.json and calibration.png into a folder, return the figures."""
-    config = config or CalibrationConfig(out, n)
     config.out.mkdir(parents=True, exist_ok=True)
     found = drive_all(config)
     result = figures(found)
@@ -181,13 +180,13 @@ def measure(
         f"of the {result['n_uncertain']} predicted between {rel.LOW:g} and {rel.HIGH:g}"
     )
     reliability.diagram(found.p, found.collided, title, config.out / "calibration.png")
-    (config.out / "calibration.json").write_text(json.dumps(result, indent=1) + "\n")
+    write_json(config.out / "calibration.json", result)
     return result
 
 
 def main(config: CalibrationConfig) -> None:
     """Measure and print."""
-    for name, value in measure(config.out, config=config).items():
+    for name, value in measure(config).items():
         print(f"{name}: {value}")
 
 

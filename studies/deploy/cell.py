@@ -71,7 +71,7 @@ class RunRecord:
 
 
 class CellRun:
-    """Runs one cell once; ``row`` afterwards, ``broken`` says that the graph must be replaced."""
+    """Runs one cell once; ``broken`` says that the graph must be replaced."""
 
     def __init__(self, rig: Rig, cell: Expectation) -> None:
         """Only remember what to do; ``run`` does it."""

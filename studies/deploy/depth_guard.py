@@ -9,7 +9,6 @@ is taken out of the rooms.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Iterator
@@ -36,6 +35,7 @@ from sim_bridge.world.grid import state_grid
 from sim_bridge.world.world import Pose, World
 
 from cfnav_core.command import run_options
+from cfnav_core.files.json_file import write_json
 from cfnav_core.task.actions import STEP_M, Action
 from cfnav_core.task.camera import CAMERAS, CameraSetUp
 from cfnav_core.task.intervals import share_interval
@@ -275,8 +275,7 @@ def measure(config: GuardConfig) -> dict[str, Any]:
         **figures(found),
         "view": {f"{math.degrees(tilt):.0f}": seen_strip(set_up, tilt) for tilt in set_up.horizons},
     }
-    config.out.mkdir(parents=True, exist_ok=True)
-    (config.out / "depth_guard.json").write_text(json.dumps(result, indent=1) + "\n")
+    write_json(config.out / "depth_guard.json", result)
     return result
 
 

@@ -7,7 +7,6 @@ that were judged by other terms than today's are made again.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import sys
@@ -20,7 +19,7 @@ from cfnav_ros.process.processes import GraphError
 from tqdm import tqdm
 
 from cfnav_core.command import run_options
-from cfnav_core.files.json_lines import read_rows
+from cfnav_core.files.json_lines import append_row, read_rows, write_rows
 from cfnav_core.files.provenance import commit
 from studies.deploy.bundles import make_bundle
 from studies.deploy.cell import LISTS, CellRun
@@ -111,12 +110,10 @@ def measure(config: MatrixConfig) -> list[dict[str, Any]]:
         OSError: the file cannot be read or written.
     """
     rows = today(read_rows(config.out))
-    config.out.parent.mkdir(parents=True, exist_ok=True)
-    # Rewritten first, as the next line must not continue one that was cut short.
-    config.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_rows(config.out, rows)
     tasks = missing(config, rows)
     failures, version = [], commit()
-    with config.out.open("a") as file, tqdm(total=len(tasks), unit="run") as progress:
+    with tqdm(total=len(tasks), unit="run") as progress:
         for row in made(tasks, config):
             progress.update()
             if isinstance(row, str):
@@ -124,8 +121,7 @@ def measure(config: MatrixConfig) -> list[dict[str, Any]]:
                 progress.write(row)
                 continue
             rows.append({**row, "judge": JUDGE, "commit": version})
-            file.write(json.dumps(rows[-1]) + "\n")
-            file.flush()
+            append_row(config.out, rows[-1])
     if failures:
         raise GraphError(f"{len(failures)} runs did not come about, such as: {failures[0]}")
     asked = {(cell.fault, cell.phase.value) for cell in config.cells}

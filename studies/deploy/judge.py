@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from cfnav_core.task.actions import STEP_M, TURN_RAD
 from studies.deploy.expectations import NAMES_CAUSE
 from studies.deploy.reactions import Bounded, Expectation, Reaction
 
@@ -26,8 +27,8 @@ CHANGED = (
 )
 """What was changed in judging after measurements had begun: commits and reasons."""
 
-STEP_M, SHORT_M, OFF_M = 0.25, 0.03, 0.08
-TURN_RAD, SHORT_RAD, OFF_RAD = math.pi / 4, math.radians(6.0), math.radians(15.0)
+SHORT_M, OFF_M = 0.03, 0.08
+SHORT_RAD, OFF_RAD = math.radians(6.0), math.radians(15.0)
 """A motion that ends no further before its target, and off it in other ways, has finished: late
 commands carry it beyond, but what is given up falls short."""
 

@@ -13,16 +13,13 @@ from cfnav_core.files.json_file import write_json
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.scenes.scene import LIDAR, read_head
 from cfnav_core.scenes.select import has_lidar, lidar_of
-from cfnav_core.task.rooms import parse_room, parse_rooms, room_folder
+from cfnav_core.task.rooms import parse_room, parse_rooms, room_folder, shift_of
 from studies.engine.jobs import GridFolders
 
 ROOMS, TESTS = "rooms.json", "tests.json"
 
 LOOKS = ("features", "detections")
 """Arrays that follow from pictures and perception; their last bits are the machine's."""
-
-SHIFTED = " shifted by "
-"""In a scene's source, before the strength of another light and lens."""
 
 
 def check_rooms(places: GridFolders, splits: Iterable[str]) -> None:
@@ -144,15 +141,10 @@ def room_of(head: Mapping[str, Any]) -> dict[str, Any]:
     return {name: head[name] for name in ("name", "objects", "goals")} | {"sha256": arrays}
 
 
-def shift_of(head: Mapping[str, Any]) -> float:
-    """How far a room looks otherwise than in training."""
-    return float(head["source"].partition(SHIFTED)[2] or 0)
-
-
 def _scene(folder: Path) -> bytes:
     """Which room it is, how its pictures look, and which perception saw them."""
     head = read_head(folder)
-    seen = {"perception": head["perception"], "shift": shift_of(head)}
+    seen = {"perception": head["perception"], "shift": shift_of(head["source"])}
     return json.dumps(room_of(head) | seen, sort_keys=True).encode()
 
 

@@ -26,6 +26,7 @@ from cfnav_core.perception.sight import cells
 from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.camera import MAST
 from cfnav_core.task.visibility import least_pixels
+from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.engine.pages import table
 from studies.eyes.detectors import overlap, paired
 from studies.eyes.rooms import boxes_of, views_of_rooms
@@ -35,8 +36,6 @@ FITS = 0.5
 
 SHARES = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
-TYPES = ("kitchen", "living_room", "bedroom", "bathroom")
-
 
 @dataclass(frozen=True)
 class BoxOptions:
@@ -44,9 +43,9 @@ class BoxOptions:
 
     perception: Path | None = None
     """The built-in network's ONNX file; the shipped bundle's when absent."""
-    rooms: tuple[str, ...] = tuple(f"{kind}:20-23" for kind in TYPES)
+    rooms: tuple[str, ...] = tuple(f"{kind}:20-23" for kind in ROOM_TYPES)
     """TYPE:SEED or TYPE:FIRST-LAST, to choose a rule in."""
-    other_rooms: tuple[str, ...] = tuple(f"{kind}:24-27" for kind in TYPES)
+    other_rooms: tuple[str, ...] = tuple(f"{kind}:24-27" for kind in ROOM_TYPES)
     """Rooms in which it was not chosen."""
     views: int = 16
     """Random views a room."""

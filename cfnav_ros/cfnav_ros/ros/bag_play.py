@@ -1,9 +1,9 @@
 """Play what the sensors of a recorded drive said: ``cfnav bag play BAG``.
 
 The real nodes run against it with ``use_sim_time``, as ``/clock`` tells the time of the drive. What
-is played is written in ``bags/sources.py``, and when in ``bags/playing.py``; never a command, nor
-anything that was concluded. Nothing of it reaches a robot: it plays on this machine only, in a ROS
-domain of its own, and nothing that somebody else publishes there.
+is played is written in ``bags/files/sources.py``, and when in ``bags/files/playing.py``; never a
+command, nor anything that was concluded. Nothing of it reaches a robot: it plays on this machine
+only, in a ROS domain of its own, and nothing that somebody else publishes there.
 """
 
 from __future__ import annotations

@@ -12,15 +12,15 @@ from builtin_interfaces.msg import Time
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from cfnav_ros.bags.files.playing import Cue
-from cfnav_ros.bags.files.sources import Offer, PlayedTopic
+from cfnav_ros.bags.files.sources import PlayedTopic
 from cfnav_ros.drive.preflight import UNKNOWN_NODE
 from cfnav_ros.process.processes import DISCOVERY_S, GraphError
 from cfnav_ros.process.stop_signal import StopSignal
+from cfnav_ros.ros.topics import quality
 
 NAME = "bag_play"
 CLOCK = "/clock"
@@ -87,7 +87,7 @@ class Player:
         self._refuse_others([CLOCK, *(source.name for source in kinds)])
         self._publishers[CLOCK] = self._node.create_publisher(Clock, CLOCK, 10)
         for source, kind in kinds.items():
-            publisher = self._node.create_publisher(kind, source.name, _qos(source.offer))
+            publisher = self._node.create_publisher(kind, source.name, quality(source.offer))
             self._publishers[source.name] = publisher
 
     def installed(self) -> dict[str, str]:
@@ -199,12 +199,3 @@ class Player:
             f"Nobody listened to any of {', '.join(silent)} within {patience_s:g} s: start the "
             f"nodes in ROS domain {self._context.get_domain_id()} here, or give --wait 0."
         )
-
-
-def _qos(offer: Offer) -> QoSProfile:
-    reliability, durability = ReliabilityPolicy, DurabilityPolicy
-    return QoSProfile(
-        depth=offer.depth,
-        reliability=reliability.RELIABLE if offer.reliable else reliability.BEST_EFFORT,
-        durability=durability.TRANSIENT_LOCAL if offer.latched else durability.VOLATILE,
-    )

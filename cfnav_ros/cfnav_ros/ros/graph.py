@@ -67,7 +67,7 @@ class EpisodeStart:
 
 
 class RosGraph:
-    """Three running nodes and a client; use it as a context manager from the main thread."""
+    """The running nodes and a client; use it as a context manager from the main thread."""
 
     def __init__(self, config: GraphConfig) -> None:
         """Only remember what to start."""

@@ -1,9 +1,9 @@
 """Picture, collision estimate and odometry -> velocities: the policy on a robot.
 
 Run it with ``cfnav node policy``; its parameters are those of
-``parameters.PolicyParameters``. Everything that decides is in ``episode``; this node converts,
-calls and publishes. When it does so says ``real_time``, or ``moments`` in lock-step with a
-simulator. One thread runs all callbacks, a second one only the policy, so that a slow inference
+``drive.policy_parameters.PolicyParameters``. Everything that decides is in ``episode``; this node
+converts, calls and publishes. When it does so says ``real_time``, or ``moments`` in lock-step with
+a simulator. One thread runs all callbacks, a second one only the policy, so that a slow inference
 never delays a velocity.
 """
 

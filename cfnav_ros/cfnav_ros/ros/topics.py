@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -16,6 +16,9 @@ from rclpy.qos import (
 
 from cfnav_core.robot.topics import Topic
 
+if TYPE_CHECKING:
+    from cfnav_ros.bags.files.sources import Offer
+
 
 def message_type(name: str) -> Any:
     """The class of messages of a type such as sensor_msgs/msg/Image.
@@ -27,8 +30,8 @@ def message_type(name: str) -> Any:
     return getattr(import_module(f"{package}.msg"), kind)
 
 
-def quality(topic: Topic, depth: int = 0) -> QoSProfile:
-    """The quality of service of a topic; with another depth than its own unless that is 0."""
+def quality(topic: Topic | Offer, depth: int = 0) -> QoSProfile:
+    """The quality of service of a topic, here or in a bag; another depth than its own if not 0."""
     reliability, durability = ReliabilityPolicy, DurabilityPolicy
     return QoSProfile(
         depth=depth or topic.depth,

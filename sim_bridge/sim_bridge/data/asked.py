@@ -14,7 +14,7 @@ from cfnav_core.perception.picture_set import HEAD, PictureSet
 from cfnav_core.scenes.scene import OfflineScene
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.detections import SIGHTINGS
-from cfnav_core.task.rooms import BUILT_IN, SWEET_HOME, parse_rooms, room_folder
+from cfnav_core.task.rooms import BUILT_IN, SWEET_HOME, parse_rooms, room_folder, shift_of
 from sim_bridge.room.room import check_furniture
 
 Rooms = Annotated[
@@ -86,8 +86,8 @@ def keep_others(
             found = "views"
         else:
             found = "sightings" if there.fields == SIGHTINGS else "scenes"
-        shift = there.source.partition(" shifted by ")[2] or "0.0"
-        if (found, there.camera, shift) != (kind, camera, str(visual_shift)):
+        shift = shift_of(there.source)
+        if (found, there.camera, shift) != (kind, camera, visual_shift):
             raise ValueError(
                 f"found {found} of {there.camera}, shifted by {shift}, in {folder}, expected "
                 f"nothing or {kind} of {camera}, shifted by {visual_shift}; give another --out, or "

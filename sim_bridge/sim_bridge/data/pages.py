@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cfnav_core.files.whole import write_file
+from cfnav_core.perception.pictures import write_png
 
 
 def on_pages(tiles: Iterable[np.ndarray], columns: int, rows: int) -> Iterator[np.ndarray]:
@@ -53,9 +53,7 @@ def write_pages(pages: Iterable[np.ndarray], folder: Path) -> int:
     """
     count = 0
     for count, page in enumerate(pages, 1):
-        done, png = cv2.imencode(".png", page[..., ::-1])
-        assert done
-        write_file(folder / f"page_{count:03}.png", png.tobytes())
+        write_png(folder / f"page_{count:03}.png", page)
     for old in folder.glob("page_*.png"):
         if old.stem.removeprefix("page_") > f"{count:03}":
             old.unlink()

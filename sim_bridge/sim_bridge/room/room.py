@@ -15,6 +15,7 @@ from cfnav_core.task.rooms import (
     AGAIN,
     BUILT_IN,
     CC0,
+    SHIFTED,
     SWEET_HOME,
     VARIED,
     furniture_of,
@@ -132,7 +133,7 @@ def room_source(kind: str, visual_shift: float = 0.0) -> str:
         CC0: f"{CC0} rooms {sweet_home.CC0_VERSION}",
         VARIED: f"{VARIED} rooms {sweet_home.VARIED_VERSION} of {models}",
     }[furniture_of(kind)]
-    return made + (f" shifted by {visual_shift}" if visual_shift else "")
+    return made + (f"{SHIFTED}{visual_shift}" if visual_shift else "")
 
 
 def room_of(name: str, source: str) -> Room:
@@ -146,7 +147,7 @@ def room_of(name: str, source: str) -> Room:
         ValueError: rooms of that name were made otherwise then, or there are none.
     """
     kind, seed = parse_room(name)
-    made, today = source.partition(" shifted by ")[0], room_source(kind)
+    made, today = source.partition(SHIFTED)[0], room_source(kind)
     if made != today:
         raise ValueError(
             f"found a scene of {name} made by another version ({made}, today's is {today}); "

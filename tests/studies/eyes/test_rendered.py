@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cfnav_core.perception.judge import agreement, area_under_roc, counted, shown_in
+from cfnav_core.perception.judge import agreement, counted, shown_in
 from cfnav_core.perception.net import PerceptionNet, export_perception
 from cfnav_core.perception.sight import Sight
+from cfnav_core.task.calibration import auc
 from cfnav_core.task.intervals import FEW
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.eyes.rendered import RenderedOptions, by_category, judged, main
@@ -53,7 +54,7 @@ def test_some_pictures_are_judged_by_the_categories_that_count_in_all():
 
 
 def test_auc_without_both_kinds_is_none():
-    assert np.isnan(area_under_roc(np.ones(3), np.ones(3, bool)))
+    assert np.isnan(auc(np.ones(3), np.ones(3, bool)))
 
 
 def test_a_thing_is_shown_from_twelve_pixels_of_a_cell():

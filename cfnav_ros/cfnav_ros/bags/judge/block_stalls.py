@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cfnav_ros.bags.files.events import Pose, Velocity
 from cfnav_ros.bags.judge.contacts import Contact, Whereabouts
-from cfnav_ros.bags.judge.odometry import Blocks, OdometryQuality
+from cfnav_ros.bags.judge.odometry import TOO_FEW, Blocks, OdometryQuality
 from cfnav_ros.bags.judge.stalls import LEAST, MOST_COMMANDS, SLACK, StallContacts
 from cfnav_ros.drive.motion import STALL_M, MotionLimits
 
@@ -76,9 +76,7 @@ def sight(quality: OdometryQuality, slow_commands_s: float) -> Sight:
     if LEAST * quality.longest_spacing <= SLACK * VISIBLE_S:
         return Sight()
     if quality.longest_spacing > spacing:
-        return Sight(
-            "too few poses of the moving base tell noise of the odometry from motion", True
-        )
+        return Sight(TOO_FEW, True)
     jitter = f"{1000 * quality.jitter_m:.1f} mm, {math.degrees(quality.jitter_rad):.1f} degrees"
     shows = "no stall" if math.isinf(spacing) else f"only stalls of {LEAST * spacing:.1f} s or more"
     return Sight(

@@ -170,7 +170,7 @@ def collision_scores(found: ExecutedPredictions) -> CollisionScores:
         calibration_error=figure(lambda k: calibration_error(p[k], y[k], within=EVERY), drives, ""),
         brier=figure(lambda k: brier(p[k], y[k], np.ones(len(k))), drives, ""),
         skill=figure(lambda k: brier_skill(p[k], y[k]), drives, why),
-        auc=figure(lambda k: auc(p[k], y[k], np.ones(len(k))), drives, why),
+        auc=figure(lambda k: auc(p[k], y[k]), drives, why),
         average_precision=figure(lambda k: average_precision(p[k], y[k]), drives, why),
         roc=roc_curve(p, y),
         precision_recall=np.empty((0, 3)) if one_class else precision_recall_curve(p, y),
@@ -275,10 +275,10 @@ def compare(first: Sequence[ReplayStep], second: Sequence[ReplayStep]) -> Decisi
     seen = [(one, two) for one, two in pairs if math.isfinite(one.p_hat_rgb + two.p_hat_rgb)]
     of_a = rgb_predictions([one for one, _ in seen])
     of_b = np.array([two.p_hat_rgb for one, two in seen if one.collided is not None], float)
-    y, ones = of_a.collided, np.ones(len(of_a.collided))
+    y = of_a.collided
 
     def auc_difference(k: np.ndarray) -> float:
-        return auc(of_b[k], y[k], ones[k]) - auc(of_a.p[k], y[k], ones[k])
+        return auc(of_b[k], y[k]) - auc(of_a.p[k], y[k])
 
     why = "every MoveAhead collided" if y.any() else "no MoveAhead collided"
     return DecisionComparison(
