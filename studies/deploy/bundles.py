@@ -11,12 +11,18 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from cfnav_core.models.base import ModelInput, NavModel
-from cfnav_core.policy.bundle import BundleError, BundleHead
+from cfnav_core.agent.agent import Agent
+from cfnav_core.agent.collision_predictor import CollisionPredictor
+from cfnav_core.agent.reward import REWARDS, RewardTables
+from cfnav_core.files.provenance import sha256
+from cfnav_core.learn.export import export_networks
+from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec
+from cfnav_core.perception.net import PerceptionNet, export_perception
+from cfnav_core.perception.perception import FEATURES
+from cfnav_core.policy.bundle import PERCEPTION, WEIGHTS, BundleError, BundleHead
 from cfnav_core.task.actions import NUM_ACTIONS, Action
-from cfnav_core.task.detections import SCORES, SIGHTINGS
+from cfnav_core.task.detections import SCORES, SIGHTINGS, Fields
 from cfnav_core.task.vocabulary import CATEGORIES, CATEGORY_ID
-from studies.deploy.listed_actions import write_bundle
 
 
 class CountedActions(NavModel):
@@ -51,6 +57,28 @@ class CountedActions(NavModel):
         rest = seen.detections.sum() + seen.features.sum() + seen.previous_action.sum()
         logits = logits + 0 * (rest + seen.collision_probability.sum())
         return logits, logits[:, :1], {"h": now}
+
+
+def write_bundle(
+    out: Path, model: NavModel, goals: tuple[str, ...], perception: PerceptionNet | None = None,
+    fields: Fields = SCORES,
+) -> None:  # fmt: skip
+    """Write a bundle that drives with a model, with perception that has learnt nothing.
+
+    Where it reads sightings there is none.
+    """
+    out.mkdir()
+    if fields != SIGHTINGS:
+        export_perception(perception or PerceptionNet(), out / PERCEPTION)
+    inputs = ObservationSpec((FEATURES,), fields, CATEGORIES)
+    predictor = CollisionPredictor(inputs.features)
+    tables = RewardTables.of("baseline", Knowledge())
+    agent = Agent(model, predictor, REWARDS["baseline"], tables)
+    export_networks(agent, inputs, out)
+    (out / WEIGHTS).touch()  # the networks hold their numbers themselves
+    hashes = {path.name: sha256(path) for path in sorted(out.iterdir())}
+    head = BundleHead(out.name, "ours", True, CATEGORIES, goals, hashes, {}, {}, fields=fields)
+    head.save(out)
 
 
 def make_bundle(

@@ -232,6 +232,6 @@ def eager_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def make_bundle(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Return a function: names of actions -> a bundle that answers them, then repeats the last."""
-    from studies.deploy.listed_actions import ListedActions
+    from tests.ros.listed_actions import ListedActions
 
     return ListedActions(tmp_path_factory.mktemp("bundles"))

@@ -1,4 +1,4 @@
-"""Bundles of real networks that answer a list of actions, then repeat the last."""
+"""Bundles whose answers are listed and depend a little on the picture."""
 
 from __future__ import annotations
 
@@ -8,18 +8,11 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from cfnav_core.agent.agent import Agent
-from cfnav_core.agent.collision_predictor import CollisionPredictor
-from cfnav_core.agent.reward import REWARDS, RewardTables
-from cfnav_core.files.provenance import sha256
-from cfnav_core.learn.export import export_networks
-from cfnav_core.models.base import Knowledge, ModelInput, NavModel, ObservationSpec, State
-from cfnav_core.perception.net import PerceptionNet, export_perception
+from cfnav_core.models.base import ModelInput, NavModel, State
+from cfnav_core.perception.net import PerceptionNet
 from cfnav_core.perception.perception import FEATURES
-from cfnav_core.policy.bundle import PERCEPTION, WEIGHTS, BundleHead
 from cfnav_core.task.actions import NUM_ACTIONS, Action
-from cfnav_core.task.detections import SCORES, SIGHTINGS, Fields
-from cfnav_core.task.vocabulary import CATEGORIES
+from studies.deploy.bundles import write_bundle
 
 
 class ActionTable(NavModel):
@@ -45,28 +38,6 @@ class ActionTable(NavModel):
         logits = logits + 0.1 * seen.collision_probability
         rest = 0 * (seen.detections.sum() + seen.goal.sum())
         return logits + rest, logits[:, :1], {k: v + 0 for k, v in state.items()}
-
-
-def write_bundle(
-    out: Path, model: NavModel, goals: tuple[str, ...], perception: PerceptionNet | None = None,
-    fields: Fields = SCORES,
-) -> None:  # fmt: skip
-    """Write a bundle that drives with a model, with perception that has learnt nothing.
-
-    Where it reads sightings there is none.
-    """
-    out.mkdir()
-    if fields != SIGHTINGS:
-        export_perception(perception or PerceptionNet(), out / PERCEPTION)
-    inputs = ObservationSpec((FEATURES,), fields, CATEGORIES)
-    predictor = CollisionPredictor(inputs.features)
-    tables = RewardTables.of("baseline", Knowledge())
-    agent = Agent(model, predictor, REWARDS["baseline"], tables)
-    export_networks(agent, inputs, out)
-    (out / WEIGHTS).touch()  # the networks hold their numbers themselves
-    hashes = {path.name: sha256(path) for path in sorted(out.iterdir())}
-    head = BundleHead(out.name, "ours", True, CATEGORIES, goals, hashes, {}, {}, fields=fields)
-    head.save(out)
 
 
 class ListedActions:
