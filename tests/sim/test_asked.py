@@ -1,6 +1,8 @@
 """The rooms that commands are asked for, and something made of each of them."""
 
 import operator
+import os
+from pathlib import Path
 
 import pytest
 from sim_bridge.data.asked import asked_for, made_of_each
@@ -46,3 +48,13 @@ def test_a_room_that_fails_is_named():
 def test_processes_are_one_or_more():
     with pytest.raises(ValueError, match="found --processes 0, expected 1 or more"):
         list(made_of_each(operator.mul, [("kitchen", 2)], processes=0))
+
+
+def test_of_a_run_that_is_stopped_only_rooms_in_work_are_finished(tmp_path: Path):
+    files = [tmp_path / str(k) for k in range(8)]
+    for file in files:
+        file.touch()
+    made = made_of_each(os.truncate, [(str(file), 1) for file in files], processes=1)
+    next(made)
+    made.close()
+    assert [file.stat().st_size for file in files] == [1, 1, 0, 0, 0, 0, 0, 0]

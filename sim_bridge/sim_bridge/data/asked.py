@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -111,14 +112,18 @@ def made_of_each(
     """
     if processes < 1:
         raise ValueError(f"found --processes {processes}, expected 1 or more")
+    rest, jobs = iter(rooms), dict[Future[Any], tuple[str, int]]()
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-        jobs = {pool.submit(make, *room, *also): room for room in rooms}
-        try:
-            for job in as_completed(jobs):
-                yield _result(job, jobs[job])
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+
+        def begin(count: int) -> None:  # a pool would begin some of what waits in it, too
+            jobs.update((pool.submit(make, *room, *also), room) for room in islice(rest, count))
+
+        begin(processes)
+        while jobs:
+            done = wait(jobs, return_when=FIRST_COMPLETED).done
+            begin(len(done))
+            for job in done:
+                yield _result(job, jobs.pop(job))
 
 
 def _result(job: Future[Any], room: tuple[str, int]) -> Any:
