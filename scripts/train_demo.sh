@@ -119,11 +119,11 @@ perceive() { # perceive NAME CAMERA: the network of a camera; others begin with 
   perception=$out/perception/perception.onnx
   once perception see
 }
-remake() { # remake NAME CAMERA: perception, the rooms as it sees them, and the policies
+remake() { # remake NAME CAMERA [MORE]: perception, the rooms as it sees them, and the policies
   perceive "$1" "$2"
   once rooms render $training $validation
   once tests render $tests
-  learnt=() exported=(--perception "$perception") judged=(--scenes "$out/scenes")
+  learnt=("${@:3}") exported=(--perception "$perception") judged=(--scenes "$out/scenes")
   policies "$1"
 }
 remake_boxes() { # remake_boxes NAME CAMERA..., without pictures: a detector's boxes, and the LiDAR
@@ -142,7 +142,7 @@ trap 'kill $(jobs -p) 2> /dev/null || true' EXIT # the pictures end with what th
 for bundle in ${BUNDLES:-default turtlebot4 boxes boxes_mast}; do
   case $bundle in
     default) remake default mast ;;
-    turtlebot4) remake turtlebot4 stock_wide ;;
+    turtlebot4) remake turtlebot4 stock_wide --dropout 0.1 ;;
     boxes) remake_boxes boxes stock_wide ;;
     boxes_mast)
       mkdir -p "$root"
