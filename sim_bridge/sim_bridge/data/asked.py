@@ -121,9 +121,10 @@ def made_of_each(
         begin(processes)
         while jobs:
             done = wait(jobs, return_when=FIRST_COMPLETED).done
-            begin(len(done))
             for job in done:
-                yield _result(job, jobs.pop(job))
+                made = _result(job, jobs.pop(job))
+                begin(1)
+                yield made
 
 
 def _result(job: Future[Any], room: tuple[str, int]) -> Any:

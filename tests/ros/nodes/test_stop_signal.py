@@ -12,13 +12,19 @@ ALL = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @pytest.fixture
-def interrupt():
-    before = [signal.getsignal(n) for n in ALL]
-    caught = Interrupt()
-    caught.catch()
-    yield caught
+def terminal():
+    """As in a terminal, whatever the tests were started by, ``nohup`` or another test."""
+    before = [signal.signal(number, signal.SIG_DFL) for number in ALL]
+    yield
     for number, handler in zip(ALL, before, strict=True):
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def interrupt(terminal):
+    caught = Interrupt()
+    caught.catch()
+    return caught
 
 
 @pytest.mark.parametrize("number", ALL)
@@ -41,18 +47,13 @@ def test_an_interrupt_that_is_swallowed_comes_back(interrupt):
         interrupt.check()
 
 
-def test_a_node_ends_with_its_terminal_unless_nohup_says_no():
-    before = {n: signal.getsignal(n) for n in ALL}
-    try:
-        stop = StopSignal()
-        assert not stop
-        os.kill(os.getpid(), signal.SIGHUP)
-        assert stop
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        assert signal.SIGHUP not in ending_signals()
-        stop = StopSignal()
-        os.kill(os.getpid(), signal.SIGHUP)
-        assert not stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def test_a_node_ends_with_its_terminal_unless_nohup_says_no(terminal):
+    stop = StopSignal()
+    assert not stop
+    os.kill(os.getpid(), signal.SIGHUP)
+    assert stop
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    assert signal.SIGHUP not in ending_signals()
+    stop = StopSignal()
+    os.kill(os.getpid(), signal.SIGHUP)
+    assert not stop
