@@ -28,6 +28,8 @@ keep_local(os.environ)
 ROOT = Path(__file__).resolve().parent.parent
 DEADLINE_S = 120.0
 """Of every wait, which ends as soon as what it waits for is there: long, for busy machines."""
+STARTED = pytest.StashKey[list["RunningProcess"]]()
+"""The processes of a test: a failure shows what each has said."""
 
 
 def _fail_instead_of_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
@@ -42,11 +44,14 @@ def _fail_instead_of_skip(report: pytest.TestReport | pytest.CollectReport) -> N
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Shows what a failed command said; turns a skip into a failure where ROS is required."""
+    """Shows what was said by what failed; turns a skip into a failure where ROS is required."""
     report = yield
     error = call.excinfo and call.excinfo.value
     if isinstance(error, subprocess.CalledProcessError):
         report.sections.append(("stderr of the command", str(error.stderr)))
+    if report.failed:
+        for process in item.stash.get(STARTED, []):
+            report.sections.append((f"output of {process.process.args[:4]}", process.output))
     if os.environ.get("CFNAV_REQUIRE_ROS") and item.get_closest_marker("ros"):
         _fail_instead_of_skip(report)
     return report
@@ -157,12 +162,14 @@ def ros_domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 
 @pytest.fixture
-def start_process(ros_domain_id: int, tmp_path: Path) -> Iterator[Callable[..., RunningProcess]]:
+def start_process(
+    ros_domain_id: int, tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[Callable[..., RunningProcess]]:
     """A function that starts a module ("cfnav_ros.ros.policy_node") or an executable (a Path).
 
     Everything it started is ended after the test.
     """
-    started: list[RunningProcess] = []
+    started = request.node.stash.setdefault(STARTED, [])
 
     def start(target: str | Path, *arguments: str, **variables: str) -> RunningProcess:
         program = [str(target)] if isinstance(target, Path) else [sys.executable, "-m", target]
