@@ -89,7 +89,8 @@ class DetectorNode(Node):
         quality = newest_only(given.lock_step)
         kind = message_type(picture.type)
         self._pictures = picture.name
-        self.create_subscription(kind, picture.name, self._on_picture, quality)
+        # Before pictures: of what waits together rclpy takes that of the first subscription first,
+        # and a picture judged by the pose before its own looks like a frozen one later.
         self.create_subscription(
             Odometry, robot.topics["odom"].name, self._on_odometry, qos_profile_sensor_data
         )
@@ -99,6 +100,7 @@ class DetectorNode(Node):
                 JointState, robot.topics["joint_states"].name, self._on_joints,
                 qos_profile_sensor_data,
             )  # fmt: skip
+        self.create_subscription(kind, picture.name, self._on_picture, quality)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._on_second, clock=steady)
         width, height = detector.size[::-1]
