@@ -30,9 +30,9 @@ settings() { # what the results depend on, versions of the rooms included
     "tests $tests, stage one $stage1 to $most, stage two $stage2, every $every," \
     "episodes $episodes, live $live, trials $trials, $made"
 }
-once() { # once NAME COMMAND...: not again when it is done, and never with other settings
-  local now
-  now=$(settings)
+once() { # once NAME COMMAND...: not again when it is done, and never with other settings or words
+  local now words=${*:2}
+  now="$(settings), by ${words//"$out"/OUT}"
   if [ -e "$out/done/$1" ]; then
     [ "$(cat "$out/done/$1")" != "$now" ] || return 0
     echo "train_demo.sh: found $out/done/$1 made with $(cat "$out/done/$1"); expected $now. Name" \
@@ -79,11 +79,11 @@ listen() { # listen FOLDER ROOMS...: the LiDAR's p_hat
   cfnav rooms scan "$1" $(each --rooms "${@:2}") && cfnav data lidar "$1"
 }
 
-# What a kind of bundle adds to these commands is in learnt, exported and judged.
+# What a kind of bundle adds to these commands is in exported and judged, to train's in learnt.
 train() { # train METHOD [MORE]
   cfnav train --scenes "$out/scenes" $(each --train-rooms $training) \
     $(each --validation-rooms $validation) --stage1-episodes "$stage1" --stage2-episodes "$stage2" \
-    --validation-every "$every" --method "$1" --seed "$seed" --out "$out/$1" "${learnt[@]}" "${@:2}"
+    --validation-every "$every" --method "$1" --seed "$seed" --out "$out/$1" "${@:2}"
 }
 export_bundle() { # export_bundle METHOD FOLDER NAME [MORE]
   cfnav export "$out/$1/best.safetensors" --name "$3" --out "$2" \
@@ -100,8 +100,8 @@ drive() { # drive METHOD
     --camera "$camera" --bundle "$out/bundle_$1" --out "$out/live/$1.jsonl"
 }
 policies() { # policies NAME [MORE]: ours and plain, judged without ROS and on the live graph
-  once ours train ours --stage1-most "$most"
-  once plain train plain --stage1 "$out/ours/stage1.safetensors"
+  once ours train ours "${learnt[@]}" --stage1-most "$most"
+  once plain train plain "${learnt[@]}" --stage1 "$out/ours/stage1.safetensors"
   for method in plain ours; do once "$method.bundle" export_bundle $method "$out/bundle_$method" $method; done
   for rooms in $tests; do once "$rooms" evaluate "metrics_${rooms%%:*}" "$rooms"; done
   once metrics evaluate metrics $tests

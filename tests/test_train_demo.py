@@ -80,6 +80,16 @@ def test_other_settings_are_no_going_on(demo: Demo) -> None:
     assert "Name another OUT" in said
 
 
+def test_what_learnt_by_other_words_is_no_going_on(demo: Demo) -> None:
+    assert demo.run("turtlebot4")[0] == 0
+    done = demo.folder / "out/turtlebot4/done/ours"
+    done.write_text(done.read_text().replace("by train ours --dropout 0.1 ", "by train ours "))
+    code, calls, said = demo.run("turtlebot4")
+    assert (code, calls) == (2, [])
+    assert "expected seed 0," in said
+    assert ", by train ours --dropout 0.1 --stage1-most" in said
+
+
 def test_a_detector_on_a_mast_has_three_views(demo: Demo) -> None:
     code, calls, _ = demo.run("boxes_mast", TRAINING="kitchen:100-105", VALIDATION="kitchen:230")
     assert code == 0
