@@ -104,7 +104,7 @@ def _foresight(training: dict[str, Any]) -> str:
     episodes, auc = stage1["frozen"] or stage1["aucs"][-1]
     return (
         f" The predictor learned from {episodes:,.0f} episodes; its AUC at MoveAheads in the "
-        f"validation rooms was {auc:.3f} at the last validation of stage one."
+        f"validation rooms was {auc:.3f} when it was frozen."
     )
 
 
