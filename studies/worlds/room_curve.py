@@ -41,6 +41,7 @@ SPLIT = "worlds"
 VALIDATION = SPLITS[SPLIT]["validation"]
 CHOOSE = 2
 """Of these seeds, so many choose checkpoints; the others judge."""
+NOT_NEW = {*SPLITS[SPLIT]["train"], *VALIDATION[:CHOOSE], *SPLITS[SPLIT]["test"]}
 KINDS = tuple(of_furniture(kind, name) for kind in ROOM_TYPES for name in (BUILT_IN, SWEET_HOME))
 
 
@@ -67,21 +68,25 @@ class RoomCurve:
     validation_episodes: int = 600
     """Frozen validation episodes."""
     episodes: int = 2_000
-    """Frozen episodes that judge, in the validation rooms and in the rooms that all know."""
+    """Frozen episodes that judge, in new rooms and in the rooms that all know."""
+    new: tuple[int, ...] = tuple(VALIDATION[CHOOSE:])
+    """Seeds of the rooms that judge, of each type and furniture: none of those that train or choose
+    a checkpoint, and none of the sealed ones."""
     threads: int = 1
     """CPU threads."""
 
     @cached_property
     def places(self) -> dict[str, tuple[str, ...]]:
         """Rooms that judge: those that nobody learns in, and those that everybody does."""
-        return {"new": named(VALIDATION[CHOOSE:]), "known": rooms_of(min(self.counts))}
+        return {"new": named(self.new), "known": rooms_of(min(self.counts))}
 
     @property
     def conditions(self) -> dict[str, Any]:
         """What all lines of a file share."""
         run = {**asdict(self.run), "seed": None}
         return {
-            "run": run, "episodes": self.episodes, "known": list(self.places["known"]),
+            "run": run, "episodes": self.episodes, "new": list(self.new),
+            "known": list(self.places["known"]),
             "validation": [self.validation_every, self.validation_episodes],
         }  # fmt: skip
 
@@ -103,8 +108,8 @@ def rooms_of(count: int) -> tuple[str, ...]:
 
 
 def named(seeds: Sequence[int]) -> tuple[str, ...]:
-    """Successive seeds of each type and furniture."""
-    return tuple(f"{kind}:{seeds[0]}-{seeds[-1]}" for kind in KINDS)
+    """Rooms of some seeds, of each type and furniture."""
+    return tuple(f"{kind}:{seed}" for kind in KINDS for seed in seeds)
 
 
 def measure(study: RoomCurve) -> list[dict[str, Any]]:
@@ -113,9 +118,14 @@ def measure(study: RoomCurve) -> list[dict[str, Any]]:
     Raises:
         OSError: the file of results cannot be read or written, or holds others.
         SceneError: the scenes cannot be used.
-        ValueError: the counts make no sense.
+        ValueError: the counts make no sense, or rooms that judge are not new.
     """
     path = study.out / "room_curve.jsonl"
+    if known := sorted(seed for seed in study.new if seed in NOT_NEW):
+        raise ValueError(
+            f"found --new {' '.join(map(str, known))}, seeds of rooms that train, choose a "
+            "checkpoint or are sealed; expected others, such as 232 to 299"
+        )
     training = {count: rooms_of(count) for count in sorted(study.counts)}
     study.out.mkdir(parents=True, exist_ok=True)
     with locked(study.out / "lock"):

@@ -96,3 +96,9 @@ def test_lines_of_other_conditions_are_not_mixed(study, tmp_path):
     (tmp_path / "room_curve.jsonl").write_text(json.dumps({"conditions": {"episodes": 5}}) + "\n")
     with pytest.raises(OSError, match=r"other conditions .* choose another --out"):
         room_curve.measure(study)
+
+
+@pytest.mark.parametrize("seed", [100, 231, 300])
+def test_what_trains_chooses_or_is_sealed_does_not_judge(study, tmp_path, seed):
+    with pytest.raises(ValueError, match=f"found --new {seed}, seeds of rooms that train"):
+        room_curve.measure(replace(study, out=tmp_path, new=(232, seed)))
