@@ -24,14 +24,17 @@ from cfnav_core.policy.bundle import shipped_perception
 from cfnav_core.task.detections import columns
 from cfnav_core.task.intervals import FEW
 from cfnav_core.task.rooms import furniture_of, room_folder, rooms_in
+from cfnav_core.task.visibility import least_pixels
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.engine.pages import Cell, table
 from studies.eyes.judge import intervals
 
-BATCH = 64
+BATCH = 8
 SAMPLES = 300
 """Draws of rooms for an interval."""
 FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1", "false_alarms")
+TIMES = (1, 2, 4, 8, 32)
+"""How many times as many pixels as a visible thing must have, where a class of sizes begins."""
 
 
 def _figure(name: str) -> Cell:
@@ -124,6 +127,55 @@ def judged(rooms: list[Scores], seed: int = 0) -> dict[str, object]:
     return {**counts, **over(np.arange(len(rooms))), "interval": ends}
 
 
+def near_recall(rooms: Sequence[Scores], pixels: Sequence[np.ndarray]) -> list[dict[str, Any]]:
+    """How many of the visible things are said to be near, at 0.5, by how large they are seen.
+
+    Args:
+        rooms: see ``scores``.
+        pixels: for each room how many times as many as it must have each thing has, float [N, C].
+
+    Returns:
+        For each class of ``TIMES`` its ``things``, and ``recall``, None where there are none.
+    """
+    near, is_near = (np.concatenate([room[k] for room in rooms]) for k in (1, 3))
+    times = np.concatenate(pixels)
+    found = []
+    for least, most in zip(TIMES, (*TIMES[1:], np.inf), strict=True):
+        its = is_near & (times >= least) & (times < most)
+        recall = float((near[its] > 0.5).mean()) if its.any() else None
+        found.append({"times": least, "things": int(its.sum()), "recall": recall})
+    return found
+
+
+def times_visible(folder: Path) -> np.ndarray:
+    """How many times as many pixels as visible things must have those of a room's pictures have.
+
+    Returns:
+        float [N, C], of all things of a category together; 0 of what is not visible.
+    """
+    pictures = PictureSet.load(folder)
+    return np.asarray(pictures.near).sum((1, 2), dtype=np.int64) / least_pixels(pictures.camera)
+
+
+def by_pixels(found: Sequence[dict[str, Any]]) -> str:
+    """Recall of "near" by how large things are seen, a column for each line of figures."""
+
+    def recall(of: list[dict[str, Any]]) -> Cell:
+        def text(k: int) -> str:
+            value = of[k]["recall"]
+            return "" if value is None else f"{value:.2f} of {of[k]['things']:,}"
+
+        return text
+
+    def times(k: int) -> str:
+        return f"{TIMES[k]} to {TIMES[k + 1]}" if k + 1 < len(TIMES) else f"{TIMES[k]} and more"
+
+    columns: dict[str, Cell] = {"times as many pixels as visible things must have": times} | {
+        f"{said['perception']}, {said['furniture']}": recall(said["near_recall"]) for said in found
+    }
+    return table(columns, range(len(TIMES)))
+
+
 def by_category(found: Sequence[dict[str, Any]]) -> str:
     """AUC of "shown" of every category that counts somewhere, a column for each line of figures."""
 
@@ -157,9 +209,13 @@ def main(options: RenderedOptions) -> None:
     for path in options.perception or (shipped_perception(),):
         network = OnnxPerception(path)
         for furniture, sets in by_furniture.items():
-            said = judged([scores(network, folder) for folder in sets])
-            found.append({"perception": network.identity, "furniture": furniture, **said})
+            rooms_said = [scores(network, folder) for folder in sets]
+            found.append({
+                "perception": network.identity, "furniture": furniture, **judged(rooms_said),
+                "near_recall": near_recall(rooms_said, [times_visible(folder) for folder in sets]),
+            })  # fmt: skip
     print(table(COLUMNS, found))
+    print(by_pixels(found))
     print(by_category(found))
     write_json(options.out, {"command": command_line(), "commit": commit(), "networks": found})
 

@@ -14,7 +14,15 @@ from cfnav_core.perception.sight import Sight
 from cfnav_core.task.calibration import auc
 from cfnav_core.task.intervals import FEW
 from cfnav_core.task.vocabulary import CATEGORIES
-from studies.eyes.rendered import RenderedOptions, by_category, judged, main
+from studies.eyes.rendered import (
+    TIMES,
+    RenderedOptions,
+    by_category,
+    by_pixels,
+    judged,
+    main,
+    near_recall,
+)
 from tests.core.perception.made import SMALL, picture_set
 
 MUG = CATEGORIES.index("Mug")
@@ -42,6 +50,21 @@ def test_figures_are_those_of_all_pictures_and_vary_over_rooms():
     assert (said["false_alarms"], both["false_alarms"]) == (0, 0.25)
     lines = by_category([{"perception": "a", "furniture": "b", **both}]).splitlines()
     assert (lines[0], lines[-1]) == ("| AUC of shown | a, b |", "| Mug | 0.50 |")
+
+
+def test_what_is_seen_small_is_told_apart_from_what_is_seen_large():
+    small, large = room([0.1] * 20), room([0.9] * 20)
+    times = np.zeros((20, len(CATEGORIES)))
+    times[:10, MUG] = 3
+    found = near_recall([small, large], [times, times * 30])
+    assert [row["things"] for row in found] == [0, 10, 0, 0, 10]
+    assert [row["recall"] for row in found] == [None, 0, None, None, 1]
+    text = by_pixels([{"perception": "a", "furniture": "b", "near_recall": found}])
+    lines = [line.strip("|").split("|") for line in text.splitlines()[2:]]
+    assert [[cell.strip() for cell in line] for line in lines] == [
+        ["1 to 2", ""], ["2 to 4", "0.00 of 10"], ["4 to 8", ""], ["8 to 32", ""],
+        [f"{TIMES[-1]} and more", "1.00 of 10"],
+    ]  # fmt: skip
 
 
 def test_some_pictures_are_judged_by_the_categories_that_count_in_all():
