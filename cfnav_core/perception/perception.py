@@ -31,6 +31,10 @@ FEATURES = 256
 MAPS = "shown"
 """Output of a network that tells where in the picture each object is shown."""
 
+AT_ONCE = 8
+"""Pictures that a network looks at together: so many fit into a core's cache, and 64 take up to
+half as long again. The numbers are the same."""
+
 BUNDLES = Path(__file__).parents[1] / "bundles"
 NETWORKS = {
     "mast": BUNDLES / "default/perception.onnx",
@@ -211,7 +215,9 @@ class OnnxPerception:
             digits than training did.
         """
         names = ["features", "detections"] if self._detects else ["features"]
-        features, *table = self._session.run(names, {"pictures": pictures})
+        parts = np.array_split(pictures, range(AT_ONCE, len(pictures), AT_ONCE))
+        said = [self._session.run(names, {"pictures": part}) for part in parts]
+        features, *table = map(np.concatenate, zip(*said, strict=True))
         detections = table[0] if table else np.empty((len(pictures), 0, 0))
         return Perceived(features.astype(np.float16), detections.astype(np.float16))
 

@@ -29,7 +29,6 @@ from cfnav_core.task.vocabulary import CATEGORIES
 from studies.engine.pages import Cell, table
 from studies.eyes.judge import intervals
 
-BATCH = 8
 SAMPLES = 300
 """Draws of rooms for an interval."""
 FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1", "false_alarms")
@@ -89,12 +88,8 @@ def scores(network: OnnxPerception, folder: Path) -> Scores:
             f"{len(CATEGORIES)} categories of {folder}; give another"
         )
     at = columns(gives.fields)
-    rows = [
-        network(np.asarray(pictures.pictures[i : i + BATCH])).detections
-        for i in range(0, len(pictures.pictures), BATCH)
-    ]
     order = [gives.objects.index(name) for name in CATEGORIES]
-    found = np.concatenate(rows).astype(np.float32)[:, order]
+    found = network(np.asarray(pictures.pictures)).detections.astype(np.float32)[:, order]
     return (
         found[:, :, at["score"].start], found[:, :, at["near"].start],
         shown_in(pictures.heat), np.asarray(pictures.visible),

@@ -33,10 +33,6 @@ from sim_bridge.data.states import bare_scene, in_how_many, sampled_visible
 from sim_bridge.room.room import generate_room, room_source
 from sim_bridge.world.visual_shift import shifted
 
-BATCH = 8
-"""Pictures that perception looks at together: so many fit into a core's cache, and 64 take half as
-long again."""
-
 
 @dataclass(frozen=True)
 class RoomOptions:
@@ -100,11 +96,10 @@ def render_scene(kind: str, seed: int, out: Path, look: Look) -> int:
         remove(folder / PICTURES)
         if look.keep_pictures:
             _keep(folder, pictures, _pictures_of(kind, look, percept))
-    rows = [perception(pictures[i : i + BATCH]) for i in range(0, len(pictures), BATCH)]
+    perceived = perception(pictures)
     replace(
         scene, perception=perception.identity, fields=perception.gives.fields,
-        features=np.concatenate([r.features for r in rows]),
-        detections=np.concatenate([r.detections for r in rows]),
+        features=perceived.features, detections=perceived.detections,
     ).save(folder)  # fmt: skip
     return len(pictures)
 

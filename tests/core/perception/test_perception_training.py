@@ -11,7 +11,7 @@ from cfnav_core.files.checkpoint import SUPERVISED, CheckpointError, load_tensor
 from cfnav_core.files.locks import locked
 from cfnav_core.perception.augment import augment
 from cfnav_core.perception.net import PerceptionNet, export_perception
-from cfnav_core.perception.perception import OnnxPerception
+from cfnav_core.perception.perception import AT_ONCE, OnnxPerception
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.train import PerceptionOptions, Shelf, begin_with, train
 from cfnav_core.task.camera import CAMERAS
@@ -43,6 +43,22 @@ def test_the_network_has_the_sizes_of_its_camera(name, tmp_path):
     assert seen.features.shape[-1] == features.shape[1]
     maps = perception.maps(np.zeros((height, width, 3), np.uint8))
     np.testing.assert_allclose(maps, torch.sigmoid(shown[0]).detach(), atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, AT_ONCE, 2 * AT_ONCE + 3])
+def test_of_however_many_pictures_each_is_perceived_as_if_alone(count, tmp_path):
+    sight = Sight.of(SMALL)
+    export_perception(PerceptionNet(sight=sight), tmp_path / "p.onnx", camera=SMALL)
+    perception = OnnxPerception(tmp_path / "p.onnx")
+    pictures = np.random.default_rng(0).integers(
+        256, size=(count, *sight.picture, 3), dtype=np.uint8
+    )
+    together = perception(pictures)
+    assert len(together.features) == len(together.detections) == count
+    for index, picture in enumerate(pictures):
+        alone = perception(picture[None])
+        assert (together.features[index] == alone.features[0]).all()
+        assert (together.detections[index] == alone.detections[0]).all()
 
 
 def test_training_tells_of_rooms_that_it_held_out_and_goes_on_where_it_was_killed(options):
