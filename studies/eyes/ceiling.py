@@ -11,10 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
 
 from cfnav_core.command import run_options
 from cfnav_core.learn.evaluate import evaluate, paired_difference
@@ -25,6 +24,7 @@ from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.metrics import figures, paired_text
 from cfnav_core.task.rooms import parse_room, room_folder
 from studies.engine.pages import Cell, table
+from studies.engine.policy_in_scenes import PolicyInScenes
 
 COLUMNS: dict[str, Cell] = {
     "given": lambda row: row["given"],
@@ -36,19 +36,8 @@ COLUMNS: dict[str, Cell] = {
 
 
 @dataclass(frozen=True)
-class CeilingOptions:
+class CeilingOptions(PolicyInScenes):
     """Evaluate a policy with what it perceives, and with the truth in its place."""
-
-    policy: Annotated[Path, tyro.conf.Positional]
-    """A bundle whose perception tells what is near, or its checkpoint."""
-    scenes: Path
-    """Folder of scenes (cfnav rooms make)."""
-    rooms: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; all when absent."""
-    episodes: int = 4000
-    """Frozen episodes."""
-    seed: int = 0
-    """Draws starts and goals."""
 
 
 def true_near(scene: OfflineScene) -> OfflineScene:

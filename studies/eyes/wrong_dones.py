@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
 
 from cfnav_core.command import run_options
 from cfnav_core.learn.env import SceneBank
@@ -29,6 +27,7 @@ from cfnav_core.task.detections import (
 )
 from cfnav_core.task.visibility import VISIBLE_DISTANCE_M
 from studies.engine.pages import Cell, table
+from studies.engine.policy_in_scenes import PolicyInScenes
 
 NEVER, BEFORE = "never detected", "detected before, not now"
 NEAR = f"detected now, and taken to be within {VISIBLE_DISTANCE_M:g} m"
@@ -53,19 +52,9 @@ COLUMNS: dict[str, Cell] = {
 
 
 @dataclass(frozen=True)
-class WrongDonesOptions:
+class WrongDonesOptions(PolicyInScenes):
     """Tell apart what was known of the goal when Done was said."""
 
-    policy: Annotated[Path, tyro.conf.Positional]
-    """A bundle, or a checkpoint such as best.safetensors."""
-    scenes: Path
-    """Folder of scenes (cfnav rooms make, cfnav rooms boxes)."""
-    rooms: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """TYPE:SEED, TYPE:FIRST-LAST or a split, given as often as needed; all when absent."""
-    episodes: int = 4000
-    """Frozen episodes."""
-    seed: int = 0
-    """Draws starts and goals."""
     p_hat: str = "own"
     """As for cfnav evaluate."""
 

@@ -27,6 +27,7 @@ from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.metrics import figures
 from cfnav_core.task.rooms import CC0, furniture_of
 from studies.engine.pages import Cell, table
+from studies.engine.policy_in_scenes import PolicyInScenes
 
 UNKNOWN, KNOWN = "models that only test rooms have", "models of training rooms"
 DRAWN, SEVERAL = "drawings of ours", "several of these in one room"
@@ -41,19 +42,11 @@ COLUMNS: dict[str, Cell] = {
 
 
 @dataclass(frozen=True)
-class ByModelOptions:
+class ByModelOptions(PolicyInScenes):
     """Tell apart how well known and unknown models are found."""
 
-    policy: Annotated[Path, tyro.conf.Positional]
-    """A bundle, or a checkpoint such as best.safetensors."""
-    scenes: Path
-    """Folder of scenes made with its perception."""
     rooms: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ("sweet_home.worlds:test",)
     """Rooms of Sweet Home 3D's models."""
-    episodes: int = 4000
-    """Frozen episodes."""
-    seed: int = 0
-    """Draws starts and goals."""
     p_hat: str = "own"
     """As for cfnav evaluate."""
     json: Path | None = None
