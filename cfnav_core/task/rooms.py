@@ -32,8 +32,11 @@ SPLITS: Mapping[str, Mapping[str, Sequence[int]]] = MappingProxyType({
 """Seeds of each type's rooms. Offline Data 1 and 2 split theirs so (FloorPlan numbers from 0): what
 validates in one is tested in the other, so never use both in one run. "worlds" are 500 rooms of
 each furniture to train in and 100 sealed ones to test in, where models of furniture stand, of those
-kinds of which there are enough, that no other room has. Seeds from 1000 on train perception.
+kinds of which there are enough, that no other room has.
 """
+
+FIRST_OF_PERCEPTION = 1000
+"""Seeds from here on are of rooms from which perception learns."""
 
 
 AGAIN = "make it again (cfnav rooms make, or rooms boxes where it has sightings)"

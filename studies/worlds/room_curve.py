@@ -32,7 +32,14 @@ from cfnav_core.learn.stage_one import predictor_figures
 from cfnav_core.learn.train import train
 from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.metrics import figures, paired
-from cfnav_core.task.rooms import BUILT_IN, SPLITS, SWEET_HOME, of_furniture
+from cfnav_core.task.rooms import (
+    BUILT_IN,
+    FIRST_OF_PERCEPTION,
+    SPLITS,
+    SWEET_HOME,
+    is_test_room,
+    of_furniture,
+)
 from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.engine.pages import Cell, change, percent, table
 from studies.engine.pictures import COLOURS, CURVES, save_picture
@@ -41,7 +48,7 @@ SPLIT = "worlds"
 VALIDATION = SPLITS[SPLIT]["validation"]
 CHOOSE = 2
 """Of these seeds, so many choose checkpoints; the others judge."""
-NOT_NEW = {*SPLITS[SPLIT]["train"], *VALIDATION[:CHOOSE], *SPLITS[SPLIT]["test"]}
+LEARNT_BY = {*SPLITS[SPLIT]["train"], *VALIDATION[:CHOOSE]}
 KINDS = tuple(of_furniture(kind, name) for kind in ROOM_TYPES for name in (BUILT_IN, SWEET_HOME))
 
 
@@ -112,6 +119,12 @@ def named(seeds: Sequence[int]) -> tuple[str, ...]:
     return tuple(f"{kind}:{seed}" for kind in KINDS for seed in seeds)
 
 
+def _is_new(seed: int) -> bool:
+    """Whether no policy and no perception learnt from a seed's rooms, and none is sealed."""
+    sealed = any(is_test_room(kind, seed) for kind in KINDS)
+    return seed not in LEARNT_BY and seed < FIRST_OF_PERCEPTION and not sealed
+
+
 def measure(study: RoomCurve) -> list[dict[str, Any]]:
     """Train and judge what is missing; returns all lines.
 
@@ -121,10 +134,11 @@ def measure(study: RoomCurve) -> list[dict[str, Any]]:
         ValueError: the counts make no sense, or rooms that judge are not new.
     """
     path = study.out / "room_curve.jsonl"
-    if known := sorted(seed for seed in study.new if seed in NOT_NEW):
+    known = sorted(seed for seed in study.new if not _is_new(seed))
+    if known or not study.new:
         raise ValueError(
-            f"found --new {' '.join(map(str, known))}, seeds of rooms that train, choose a "
-            "checkpoint or are sealed; expected others, such as 232 to 299"
+            f"found --new {' '.join(map(str, known)) or 'without a seed'}, expected seeds of rooms "
+            "that neither train, nor choose a checkpoint, nor are sealed, such as 232 to 299"
         )
     training = {count: rooms_of(count) for count in sorted(study.counts)}
     study.out.mkdir(parents=True, exist_ok=True)

@@ -98,7 +98,12 @@ def test_lines_of_other_conditions_are_not_mixed(study, tmp_path):
         room_curve.measure(study)
 
 
-@pytest.mark.parametrize("seed", [100, 231, 300])
+@pytest.mark.parametrize("seed", [25, 100, 231, 300, 1000])
 def test_what_trains_chooses_or_is_sealed_does_not_judge(study, tmp_path, seed):
-    with pytest.raises(ValueError, match=f"found --new {seed}, seeds of rooms that train"):
+    with pytest.raises(ValueError, match=f"found --new {seed}, expected seeds of rooms that neith"):
         room_curve.measure(replace(study, out=tmp_path, new=(232, seed)))
+
+
+def test_some_room_has_to_judge(study, tmp_path):
+    with pytest.raises(ValueError, match="found --new without a seed, expected"):
+        room_curve.measure(replace(study, out=tmp_path, new=()))
