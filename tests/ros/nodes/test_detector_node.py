@@ -16,6 +16,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make setup'")
 pytest.importorskip("vision_msgs.msg", reason="ros_ws is not built: run 'make setup'")
 
 from builtin_interfaces.msg import Time  # noqa: E402
+from cfnav_ros.drive.repeats import NOISY  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from sensor_msgs.msg import CompressedImage, Image, JointState  # noqa: E402
@@ -138,15 +139,19 @@ def freeze(camera: Camera, message: Image, each: Callable[[Time], None]) -> None
 
 def test_of_a_frozen_camera_nothing_is_told(camera: Camera) -> None:
     """Its last picture may show nothing, and an empty message under new stamps is no news."""
-    noisy = picture(20)
-    for k in range(10):  # at rest, each with its own noise
-        noisy.header.stamp = Time(sec=20 + k)
-        noisy.data = bytes([k]) + bytes(noisy.data)[1:]
-        camera.show(noisy)
+    noisy, stamps = picture(20), itertools.count(20)
+
+    def send() -> None:
+        """At rest each picture has its own noise: one sent twice would be of a camera without."""
+        noisy.header.stamp = Time(sec=next(stamps))
+        noisy.data = bytes([noisy.header.stamp.sec % 256]) + bytes(noisy.data)[1:]
+        camera.pictures.publish(noisy)
+
+    camera.wait(lambda: len(camera.found) > 2 * NOISY, "detections of noisy pictures", send)
     freeze(camera, noisy, lambda stamp: None)
     last = noisy.header.stamp.sec
     assert max(said.header.stamp.sec for said in camera.found) < last
-    noisy.data = bytes([99]) + bytes(noisy.data)[1:]
+    noisy.data = bytes([noisy.data[0] ^ 1]) + bytes(noisy.data)[1:]
     noisy.header.stamp = Time(sec=last + 1)
     camera.show(noisy)
 
