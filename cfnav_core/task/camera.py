@@ -116,6 +116,11 @@ class CameraSetUp:
             f"a view of {fov_deg[0]:.0f} x {fov_deg[1]:.0f} degrees in {size[0]} x {size[1]} pixels"
         )
 
+    def sees_like(self, other: CameraSetUp) -> bool:
+        """Whether pictures of both show the same, in however many pixels."""
+        places = [(camera.x, camera.z, camera.horizons) for camera in (self, other)]
+        return places[0] == places[1] and not self.differs(other.fov_deg, other.size)
+
     def to_json(self) -> dict[str, Any]:
         """Plain values, with horizons in degrees as people read them."""
         return {

@@ -116,7 +116,7 @@ def known_goals(config: DemoConfig) -> tuple[str, ...]:
     """
     head = BundleHead.load(config.drives)
     camera = CameraSetUp.read(config.camera)
-    if head.camera and not head.reads_sightings and str(head.camera) != str(camera):
+    if head.camera and not head.reads_sightings and not head.camera.sees_like(camera):
         print(f"bundle {head.name} learnt from a camera of {head.camera}; the robot's is {camera}")
     asked = parse_list(config.goals)
     for why in (refusal(goal, head) for goal in asked):

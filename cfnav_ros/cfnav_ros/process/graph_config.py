@@ -89,7 +89,8 @@ class GraphConfig:
         lidar = [] if told else ["lidar_collision_node"]
         # What this machine takes for a command is as many times longer in simulated time.
         lag = min(EpisodeLimits().command_lag * self.speed, 10.0) if self.speed > 1 else None
-        other = BundleHead.load(self.drives).camera != CameraSetUp.read(self.camera)
+        learnt_from = BundleHead.load(self.drives).camera
+        other = not learnt_from or not learnt_from.sees_like(CameraSetUp.read(self.camera))
         detectors, detecting = self.detection
         given = {
             "robot": self.described, "room": self.room, "speed": float(self.speed),

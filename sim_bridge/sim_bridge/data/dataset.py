@@ -287,7 +287,7 @@ def run(options: RoomOptions) -> None:
     )  # fmt: skip
     percept = built_in(look.camera) if options.views else OnnxPerception(look.perception).gives
     percept.check_size(*look.camera.size[::-1])
-    if percept.camera not in (None, look.camera):
+    if percept.camera and not percept.camera.sees_like(look.camera):
         print(
             f"{look.perception} learnt from another camera than {options.camera}: how well it "
             "knows these pictures nobody measured"

@@ -71,6 +71,14 @@ def test_cameras_differ_by_view_and_shape_and_not_by_pixels() -> None:
     assert MAST.differs((90.0, 90.0), (640, 360)) != ""
 
 
+def test_cameras_see_alike_from_one_place_in_however_many_pixels() -> None:
+    assert MAST.sees_like(replace(MAST, size=(448, 448)))
+    assert not MAST.sees_like(replace(MAST, z=1.0))
+    assert not MAST.sees_like(replace(MAST, horizons=(0.0,)))
+    assert not MAST.sees_like(CAMERAS["stock_preview"])
+    assert not CAMERAS["stock_wide"].sees_like(CAMERAS["lite"])
+
+
 def test_it_says_itself_in_words() -> None:
     assert str(MAST) == "90 x 90 degrees, 300 x 300 pixels, 1.3 m up, tilts to 0 and -30 degrees"
     assert "does not tilt" in str(CAMERAS["stock_preview"])
