@@ -47,7 +47,7 @@ class Repeats:
         self._different = 0
 
     def see(self, t: float, same: bool, pose: Pose | None, pose_t: float) -> None:
-        """Take a message.
+        """Take a message; not one that is delivered again under its stamp, which says nothing.
 
         Args:
             t: when it was made, seconds.

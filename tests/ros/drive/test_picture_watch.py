@@ -59,6 +59,15 @@ def test_a_camera_with_noise_that_repeats_itself_is_frozen_after_its_time():
     assert camera.show(picture(1)) == FINE
 
 
+def test_a_picture_that_is_delivered_twice_hides_no_noise():
+    camera = Camera()
+    for seed in range(20):
+        assert camera.show(picture(seed)) == FINE
+        camera.t -= PERIOD_S
+        assert camera.show(picture(seed)) == FINE
+    assert camera.show(picture(0), count=16).waiting.startswith("The camera is frozen")
+
+
 def test_a_camera_without_noise_may_repeat_itself_while_the_robot_stands():
     camera = Camera()
     camera.pose[0] = 1.0
