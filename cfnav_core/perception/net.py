@@ -50,6 +50,7 @@ class PerceptionNet(nn.Module):
         self.objects, self.sight, self.trunk = objects, sight, trunk or Trunk()
         self.fine, self.deep = _block(FINE, 64), _block(DEEP + 2, 128)
         self.detail, self.context = nn.Conv2d(64, 2 * objects, 1), nn.Conv2d(128, 2 * objects, 1)
+        self.place, self.scene = nn.Conv2d(128 + 4, 128, 1), nn.Linear(FEATURES, 128)
         self.squeeze = nn.Sequential(
             nn.Conv2d(128, 24, 1), nn.ReLU(inplace=True), nn.Flatten(),
             nn.Linear(24 * math.prod(sight.coarse), FEATURES), nn.ReLU(inplace=True),
@@ -58,6 +59,11 @@ class PerceptionNet(nn.Module):
         for maps, prior in ((self.detail, -3.0), (self.context, -2.0)):
             assert maps.bias is not None
             nn.init.constant_(maps.bias, prior)
+        for layer in (self.place, self.scene):  # at first they pass on what is there
+            assert layer.bias is not None
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+        nn.init.eye_(self.place.weight[:, :128, 0, 0])
         down, across = (torch.linspace(-1, 1, cells) for cells in sight.coarse)
         where = torch.stack([across[None].expand(sight.coarse), down[:, None].expand(sight.coarse)])
         self.where: Tensor
@@ -71,16 +77,25 @@ class PerceptionNet(nn.Module):
                 ``coarse`` of ``sight``.
 
         Returns:
-            logits "shown" [N, C, *Q], logits "visible here" [N, C, *Q],
+            logits "shown" [N, C, *Q], logits "near, if it is shown" [N, C, *Q],
             features [N, 256], geometry [N, 2, *R] (log metres; floor logit).
         """
         fine, deep = self.trunk(pictures)
-        deep = self.deep(torch.cat([deep, self.where.expand(deep.shape[0], -1, -1, -1)], 1))
-        context = F.interpolate(self.context(deep), size=self.sight.heat, mode="nearest")
-        maps = self.detail(self.fine(fine)) + context
+        where = self.where.expand(deep.shape[0], -1, -1, -1)
+        deep = self.deep(torch.cat([deep, where], 1))
         features = self.squeeze(deep)
         geometry = self.geometry(features).view(-1, 2, *self.sight.coarse)
+        # How far a cell is, and how the camera tilts, only the whole picture tells.
+        placed = self.place(torch.cat([deep, where, geometry], 1))
+        placed = F.relu(placed + self.scene(features)[:, :, None, None])
+        context = F.interpolate(self.context(placed), size=self.sight.heat, mode="nearest")
+        maps = self.detail(self.fine(fine)) + context
         return maps[:, : self.objects], maps[:, self.objects :], features, geometry
+
+
+def visible_here(shown: Tensor, near: Tensor) -> Tensor:
+    """Log-probability that a cell shows something of a category that is near, from the logits."""
+    return F.logsigmoid(shown) + F.logsigmoid(near)
 
 
 def _missed(logits: Tensor, pixels: Tensor) -> Tensor:
@@ -90,6 +105,18 @@ def _missed(logits: Tensor, pixels: Tensor) -> Tensor:
     fullest = enough & (pixels == pixels.amax((2, 3), keepdim=True))
     target = torch.maximum((pixels / 24).clamp(max=1) * enough, fullest.float() * 0.9)
     return F.binary_cross_entropy_with_logits(logits, target, pos_weight=torch.tensor(3.0))
+
+
+def _misplaced(logits: Tensor, shown: Tensor, near: Tensor) -> Tensor:
+    """How far the cells that show something are from what they are to say of its distance.
+
+    Each category counts as much as another, however large it is seen.
+    """
+    cells = (shown >= MIN_CELL_PIXELS).float()
+    target = (near / shown.clamp(min=1)).clamp(max=1)
+    wrong = F.binary_cross_entropy_with_logits(logits, target, reduction="none") * cells
+    each, count = wrong.sum((2, 3)), cells.sum((2, 3))
+    return (each / count.clamp(min=1)).sum() / (count > 0).sum().clamp(min=1)
 
 
 def perception_loss(
@@ -103,11 +130,12 @@ def perception_loss(
     """
     shown, near, _, geometry = output
     per_cell = batch.heat[0].numel() / 40
+    visible = visible_here(shown, near).amax((2, 3)).exp()
     log_depth = batch.depth.clamp(0.1, 8).log()
     return {
         "shown": per_cell * _missed(shown, batch.heat),
-        "near": per_cell * _missed(near, batch.near),
-        "visible": 8 * F.binary_cross_entropy_with_logits(near.amax((2, 3)), batch.visible),
+        "near": 10 * _misplaced(near, batch.heat, batch.near),
+        "visible": 8 * F.binary_cross_entropy(visible, batch.visible),
         "depth": 3 * F.smooth_l1_loss(geometry[:, 0], log_depth, beta=0.1),
         "floor": 1.5 * F.binary_cross_entropy_with_logits(geometry[:, 1], batch.floor),
     }
@@ -130,7 +158,7 @@ class ExportedPerception(nn.Module):
         x = (cell % columns).float() * (2 / (columns - 1)) - 1
         y = torch.div(cell, columns, rounding_mode="floor").float() * (2 / (rows - 1)) - 1
         size = p.sum(2).sqrt() / math.sqrt(rows * columns)
-        visible = torch.sigmoid(near).flatten(2).amax(2)
+        visible = visible_here(shown, near).flatten(2).amax(2).exp()
         fields = torch.stack([score, x * score, y * score, size, visible], 2)
         return features, fields.reshape(-1, self.net.objects, 5), maps
 

@@ -31,7 +31,12 @@ from cfnav_core.files.locks import locked
 from cfnav_core.files.provenance import sha256
 from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
-from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
+from cfnav_core.perception.net import (
+    PerceptionNet,
+    export_perception,
+    perception_loss,
+    visible_here,
+)
 from cfnav_core.perception.onnx_session import open_session
 from cfnav_core.perception.picture_set import FIELDS, HEAD, PictureSet
 from cfnav_core.perception.sight import Sight
@@ -47,6 +52,8 @@ TRUNK_RATE = 0.1
 LEAST_SETS = 4
 OF_WHOLE_PICTURE = ("where", "squeeze.3.", "geometry.")
 """Layers whose size is the picture's."""
+SINCE = ("place.", "scene.")
+"""Layers that networks of an earlier time lack; at first they pass on what is there."""
 RESCAN_S, COMING_S = 30.0, 300.0
 """How often new sets are looked for, and how long the next one may take, seconds."""
 
@@ -202,7 +209,7 @@ def begin_with(net: PerceptionNet, path: Path) -> None:
         if getattr(tensors.get(f"net.{name}"), "shape", None) == weight.shape
     }
     missing = [
-        name for name in own if name not in same and not name.startswith(OF_WHOLE_PICTURE)
+        name for name in own if name not in same and not name.startswith(OF_WHOLE_PICTURE + SINCE)
         and not name.endswith("num_batches_tracked")
     ]  # fmt: skip
     if missing:
@@ -245,7 +252,8 @@ def _scores(net: PerceptionNet, folders: list[Path]) -> Iterator[tuple[np.ndarra
                 batch.pictures.contiguous(memory_format=torch.channels_last)
             )
             yield (
-                torch.sigmoid(shown.amax((2, 3))).numpy(), torch.sigmoid(near.amax((2, 3))).numpy(),
+                torch.sigmoid(shown.amax((2, 3))).numpy(),
+                visible_here(shown, near).amax((2, 3)).exp().numpy(),
                 shown_in(pictures.heat[index]), pictures.visible[index],
                 ((geometry[:, 0].exp() - batch.depth).abs() / batch.depth).mean((1, 2)).numpy(),
             )  # fmt: skip

@@ -9,12 +9,13 @@ import torch
 
 from cfnav_core.files.checkpoint import SUPERVISED, CheckpointError, load_tensors, save_state
 from cfnav_core.files.locks import locked
-from cfnav_core.perception.augment import augment
-from cfnav_core.perception.net import PerceptionNet, export_perception
+from cfnav_core.perception.augment import Labelled, augment
+from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
 from cfnav_core.perception.perception import AT_ONCE, OnnxPerception
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.train import PerceptionOptions, Shelf, begin_with, train
 from cfnav_core.task.camera import CAMERAS
+from cfnav_core.task.detections import SCORES
 from tests.core.perception.made import SMALL, picture_set
 
 
@@ -43,6 +44,35 @@ def test_the_network_has_the_sizes_of_its_camera(name, tmp_path):
     assert seen.features.shape[-1] == features.shape[1]
     maps = perception.maps(np.zeros((height, width, 3), np.uint8))
     np.testing.assert_allclose(maps, torch.sigmoid(shown[0]).detach(), atol=1e-5)
+
+
+def test_what_is_near_is_learnt_where_it_is_shown_each_category_as_much_as_another():
+    pixels = torch.zeros(1, 2, 4, 4)
+    pixels[0, 0, 0, 0] = pixels[0, 1, 2:, 2:] = 100.0  # one seen small, one large; both near
+    batch = Labelled(
+        torch.zeros(1, 3, 8, 8), pixels, pixels, torch.ones(1, 2, 2), torch.zeros(1, 2, 2)
+    )
+
+    def told(near):
+        output = torch.zeros(1, 2, 4, 4), near, torch.zeros(1, 256), torch.zeros(1, 2, 2, 2)
+        return perception_loss(output, batch)["near"].item()
+
+    right = torch.where(pixels > 0, 8.0, 0.0)
+    assert told(right) == pytest.approx(told(torch.full_like(pixels, 8.0)))
+    small, large = right.clone(), right.clone()
+    small[0, 0], large[0, 1] = -8.0, -8.0
+    assert told(small) == pytest.approx(told(large))
+    assert told(small) > 10 * told(right)
+
+
+def test_nothing_is_near_that_is_not_shown(tmp_path):
+    torch.manual_seed(0)
+    sight = Sight.of(SMALL)
+    export_perception(PerceptionNet(sight=sight), tmp_path / "p.onnx", camera=SMALL)
+    seen = OnnxPerception(tmp_path / "p.onnx").observe(np.zeros((*sight.picture, 3), np.uint8))
+    score, near = seen.detections[0, :, SCORES.index("score")], seen.detections[0, :, -1]
+    assert (near > 0).all()
+    assert (near < score).all()
 
 
 @pytest.mark.parametrize("count", [1, AT_ONCE, 2 * AT_ONCE + 3])
