@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cfnav_core.task.calibration import auc
+from cfnav_core.task.calibration import auc, average_precision
 from cfnav_core.task.vocabulary import CATEGORIES
 
 SHOWN_PIXELS = 12
@@ -29,8 +29,9 @@ def agreement(
 ) -> dict[str, object]:  # fmt: skip
     """Mean AUC of "shown" and "near" over categories, and what it is worth to take a half for yes.
 
-    That is F1 of "near", and of "shown" the false alarms a picture: categories that it does not
-    show.
+    That is F1 of "near", how much of what it says to be near is shown and further away, and of
+    "shown" the false alarms a picture: categories that it does not show. The average precision of
+    "near", over all categories together, takes no threshold.
 
     Args:
         shown, near: scores of pictures, float [N, C].
@@ -46,8 +47,10 @@ def agreement(
     def aucs(score: np.ndarray, truth: np.ndarray, which: np.ndarray) -> list[float]:
         return [auc(score[:, c], truth[:, c]) for c in which]
 
+    said = near > 0.5
+
     def f1(c: int | slice) -> float:
-        hit = near[:, c] > 0.5
+        hit = said[:, c]
         return float(2 * (hit & is_near[:, c]).sum() / max(1, hit.sum() + is_near[:, c].sum()))
 
     each = aucs(shown, is_shown, of_shown)
@@ -59,7 +62,9 @@ def agreement(
     return {
         "shown_auc_mean": mean(each),
         "near_auc_mean": mean(aucs(near, is_near, of_near)),
+        "near_ap": average_precision(near.ravel(), is_near.ravel()),
         "near_f1": f1(slice(None)),
+        "near_but_far": float((said & is_shown & ~is_near).sum() / max(1, said.sum())),
         "false_alarms": float(((shown > 0.5) & ~is_shown).sum(1).mean()),
         "shown_auc_by_category": {
             CATEGORIES[c]: round(auc, 3) for c, auc in zip(of_shown, each, strict=True)

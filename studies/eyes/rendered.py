@@ -31,7 +31,9 @@ from studies.eyes.judge import intervals
 
 SAMPLES = 300
 """Draws of rooms for an interval."""
-FIGURES = ("shown_auc_mean", "near_auc_mean", "near_f1", "false_alarms")
+FIGURES = (
+    "shown_auc_mean", "near_auc_mean", "near_ap", "near_f1", "near_but_far", "false_alarms",
+)  # fmt: skip
 TIMES = (1, 2, 4, 8, 32)
 """How many times as many pixels as a visible thing must have, where a class of sizes begins."""
 

@@ -52,6 +52,14 @@ def test_figures_are_those_of_all_pictures_and_vary_over_rooms():
     assert (lines[0], lines[-1]) == ("| AUC of shown | a, b |", "| Mug | 0.50 |")
 
 
+def test_what_is_taken_to_be_near_is_further_away_or_not_there_at_all():
+    scores, _, is_shown, is_near = room([0.9] * 20)  # half of it is near
+    is_shown = is_shown.copy()
+    is_shown[10:15, MUG] = True  # a quarter is shown and further away
+    said = judged([(scores, scores, is_shown, is_near)])
+    assert (said["near_but_far"], said["near_ap"]) == (0.25, 0.5)
+
+
 def test_what_is_seen_small_is_told_apart_from_what_is_seen_large():
     small, large = room([0.1] * 20), room([0.9] * 20)
     times = np.zeros((20, len(CATEGORIES)))
