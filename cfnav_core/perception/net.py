@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from cfnav_core.files.whole import whole, writing
 from cfnav_core.perception.augment import Labelled
 from cfnav_core.perception.describe import describe
+from cfnav_core.perception.half import halve_weights
 from cfnav_core.perception.perception import FEATURES, MAPS
 from cfnav_core.perception.sight import FROM_MAST, Sight
 from cfnav_core.perception.trunk import DEEP, FINE, Trunk
@@ -169,7 +170,7 @@ def export_perception(
 ) -> None:  # fmt: skip
     """Write ``perception.onnx`` (opset 17) for any number of pictures.
 
-    Weights keep their names in it, so that training can begin with them.
+    Weights keep their names in it, so that training can begin with them, and are float16.
 
     Args:
         net: the network.
@@ -190,4 +191,5 @@ def export_perception(
             dynamic_axes={k: {0: "n"} for k in ("pictures", "features", "detections", MAPS)},
             training=torch.onnx.TrainingMode.PRESERVE, do_constant_folding=False,
         )  # fmt: skip
+        halve_weights(partial)
         describe(partial, objects, SCORES, camera)
