@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Remakes the bundles from nothing: default (camera on a mast), turtlebot4 (as sold, wide), boxes and
 # boxes_mast (any detector), each ours, beside plain from the same stage one. The first two take
-# days, and 37 and 47 GB for perception's pictures, the others hours; goes on where it stopped when
+# days, and 84 and 47 GB for perception's pictures, the others hours; goes on where it stopped when
 # run again.
 #   OUT=out/train BUNDLES="default turtlebot4 boxes boxes_mast" scripts/train_demo.sh
 # Perception learns from 200 pictures of each of its own rooms, while they are rendered; that of any
@@ -50,8 +50,17 @@ every_kind() { # every_kind FIRST-LAST [MORE]: rooms of each type and furniture,
   done
 }
 
+mast() { # mast ACROSS DOWN WIDTH HEIGHT: the file of a camera on the mast, degrees and pixels
+  local file=$root/mast_${1%.*}.json
+  mkdir -p "$root"
+  echo "{\"x\": 0.0, \"z\": 1.3, \"fov_deg\": [$1, $2], \"size\": [$3, $4]," \
+    "\"horizons_deg\": [0.0, -30.0]}" > "$file"
+  echo "$file"
+}
 see() { # the pictures, and beside them the network that learns from those that are there
-  cfnav rooms make $(each --rooms $(every_kind "$views" varied.)) --views 200 --camera "$camera" \
+  local by=$camera # a network looks at half as many pixels either way; of the mast's 300 it has 224
+  [ "$camera" != mast ] || by=$(mast 90.0 90.0 448 448)
+  cfnav rooms make $(each --rooms $(every_kind "$views" varied.)) --views 200 --camera "$by" \
     --out "$out/views" &
   cfnav perception --data "$out/views" --out "$perception" --pictures "$pictures" --seed "$seed" \
     --wait-for "${WAIT_FOR:-160}" ${begin:+--begin "$begin"}
@@ -145,12 +154,7 @@ for bundle in ${BUNDLES:-default turtlebot4 boxes boxes_mast}; do
     turtlebot4) remake turtlebot4 stock_wide --dropout 0.1 ;;
     boxes) remake_boxes boxes stock_wide ;;
     boxes_mast)
-      mkdir -p "$root"
-      for view in '66.0, 40.1], "size": [448, 252' '78.0, 56.0], "size": [448, 294'; do
-        echo "{\"x\": 0.0, \"z\": 1.3, \"fov_deg\": [$view], \"horizons_deg\": [0.0, -30.0]}" \
-          > "$root/mast_${view%%.*}.json"
-      done
-      remake_boxes boxes_mast mast "$root"/mast_{66,78}.json
+      remake_boxes boxes_mast mast "$(mast 66.0 40.1 448 252)" "$(mast 78.0 56.0 448 294)"
       ;;
     *) remake "$bundle" "$bundle" ;; # for another camera, named as that is
   esac

@@ -127,7 +127,12 @@ def test_perception_of_any_camera_begins_with_the_masts(demo: Demo) -> None:
     assert [f"--out {first}" in learns[0], "--begin" in learns[0]] == [True, False]
     assert f"--out {second}" in learns[1]
     assert f"--begin {first}" in learns[1]
+    looks = [call.split("--camera ")[1].split()[0] for call in calls if "--views" in call]
+    assert [CameraSetUp.read(look).size for look in looks] == [(448, 448), (448, 252)]
     code, more, _ = demo.run("default turtlebot4")
     assert code == 0
+    assert {call.split("--camera ")[1].split()[0] for call in more if "rooms make" in call} == {
+        "mast"
+    }
     assert not any(call.startswith("cfnav perception") for call in more)
     assert any(call.startswith("cfnav train") and "/default/" in call for call in more)
