@@ -12,6 +12,7 @@ setup(
     package_data={
         PACKAGE: [
             "bundles/**",
+            "perception/*.onnx",
             "perception/*.safetensors",
             "perception/*.md",
             "perception/NOTICE",
