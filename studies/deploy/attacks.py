@@ -21,19 +21,16 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import rclpy
 from cfnav_interfaces.msg import CollisionEstimate
 from cfnav_ros.process.processes import GraphError
 from cfnav_ros.ros.conversions import ns_to_stamp
-from cfnav_ros.ros.spinning import SpinningThread, leave
+from cfnav_ros.ros.spinning import SpinningThread, join, leave
 from geometry_msgs.msg import TransformStamped, TwistStamped
 from irobot_create_msgs.msg import HazardDetectionVector
 from nav_msgs.msg import Odometry
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, LaserScan
 from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
@@ -167,12 +164,7 @@ class Stranger:
 
     def __init__(self, attack: Attack, rig: Rig) -> None:
         """Join the graph's domain and speak."""
-        self._context = Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=rig.graph.domain,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        self._context = join(rig.graph.domain)
         self._node = Node(attack.node, context=self._context)
         example = attack.forge(ns_to_stamp(0))
         # What is latched reaches latched subscriptions and the others.

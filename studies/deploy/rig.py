@@ -13,7 +13,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import rclpy
 from action_msgs.srv import CancelGoal
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import (
@@ -27,13 +26,11 @@ from cfnav_interfaces.srv import SetFault
 from cfnav_ros.drive.fields import stamp_to_seconds
 from cfnav_ros.process.processes import GraphError
 from cfnav_ros.ros.graph import RosGraph
-from cfnav_ros.ros.spinning import leave
+from cfnav_ros.ros.spinning import join, leave
 from rclpy.action import ActionClient
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.signals import SignalHandlerOptions
 
 from studies.deploy.judge import TruthSample
 
@@ -169,12 +166,7 @@ class PassingClient:
         Raises:
             GraphError: nobody accepts it.
         """
-        self._context = Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=rig.graph.domain,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        self._context = join(rig.graph.domain)
         self._node = Node("passing_client", context=self._context)
         self._client = ActionClient(self._node, NavigateToObject, "navigate_to_object")
         self._executor = SingleThreadedExecutor(context=self._context)

@@ -7,12 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-import rclpy
 from builtin_interfaces.msg import Time
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from cfnav_ros.bags.files.playing import Cue
@@ -20,6 +17,7 @@ from cfnav_ros.bags.files.sources import PlayedTopic
 from cfnav_ros.drive.preflight import UNKNOWN_NODE
 from cfnav_ros.process.processes import DISCOVERY_S, GraphError
 from cfnav_ros.process.stop_signal import StopSignal
+from cfnav_ros.ros.spinning import join
 from cfnav_ros.ros.topics import quality
 
 NAME = "bag_play"
@@ -51,12 +49,7 @@ class Player:
         self.late_s = 0.0
         self.played = 0
         self._stop = stop
-        self._context = Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        self._context = join(domain)
         self._node = Node(
             NAME, context=self._context, enable_rosout=False, start_parameter_services=False
         )

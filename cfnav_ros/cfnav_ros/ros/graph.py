@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import rclpy
 from cfnav_interfaces.action import NavigateToObject
 from cfnav_interfaces.msg import CollisionEstimate, GroundTruth
 from cfnav_interfaces.srv import EndEpisode, StartEpisode
@@ -25,7 +24,6 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 
@@ -38,7 +36,7 @@ from cfnav_ros.process.domains import Domain
 from cfnav_ros.process.graph_config import GraphConfig
 from cfnav_ros.process.processes import DISCOVERY_S, Child, GraphError, keep_local, node_command
 from cfnav_ros.ros.recorder import Recorder
-from cfnav_ros.ros.spinning import leave
+from cfnav_ros.ros.spinning import join, leave
 from cfnav_ros.ros.topics import quality
 
 TRACK_M = 0.02
@@ -254,11 +252,7 @@ class RosGraph:
         self._taken = Domain(self.config.domain)
         self.domain = self._taken.number
         os.environ["ROS_DOMAIN_ID"] = str(self.domain)
-        rclpy.init(
-            context=self.context,
-            domain_id=self.domain,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        join(self.domain, self.context)
         self._node = Node("demo", context=self.context)
         self._start_client = self.node.create_client(StartEpisode, "simulator/start_episode")
         self._end_client = self.node.create_client(EndEpisode, "simulator/end_episode")

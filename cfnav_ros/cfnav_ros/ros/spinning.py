@@ -1,13 +1,16 @@
-"""How a node is served in a thread of its own, and how one leaves its domain."""
+"""How a node joins a domain, is served in a thread of its own, and leaves."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 
+import rclpy
 from rclpy.action import ActionClient
+from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 
 class SpinningThread(threading.Thread):
@@ -54,6 +57,18 @@ class SpinningThread(threading.Thread):
         if self.is_alive():
             self.join()
         self.executor.shutdown()
+
+
+def join(domain: int, context: Context | None = None) -> Context:
+    """A context in a ROS domain, a new one if none is given; signals stay with those who had them.
+
+    Args:
+        domain: the environment says how far it reaches.
+        context: which has not joined any yet.
+    """
+    context = context or Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    return context
 
 
 def leave(node: Node) -> None:
