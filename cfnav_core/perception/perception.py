@@ -37,12 +37,12 @@ half as long again. The numbers are the same."""
 
 BUNDLES = Path(__file__).parents[1] / "bundles"
 NETWORKS = {
-    "mast": Path(__file__).with_name("mast.onnx"),
+    "mast": BUNDLES / "default/perception.onnx",
     "stock_wide": BUNDLES / "turtlebot4/perception.onnx",
 }
 """Networks that give boxes, by the camera whose pictures they learnt from; MAST.md and so on beside
-this file say how. The bundle default drives by an older one for the mast, those of the paper's
-tables by one that gives none."""
+this file say how. The bundles of the paper's tables drive by an older one that gives none. A newer
+one for the mast, mast.onnx, is for policies that learn with it."""
 
 METADATA = "cfnav"
 """Key under which an ONNX file says what it perceives, as JSON; see ``describe``."""

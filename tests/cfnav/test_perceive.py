@@ -14,8 +14,10 @@ from sim_bridge.world.camera import Camera
 from sim_bridge.world.grid import state_grid
 from sim_bridge.world.world import World
 
+import cfnav_core.perception
 from cfnav import cli
 from cfnav_core.perception.perception import NETWORKS, OnnxPerception
+from cfnav_core.perception.pictures import read_rgb
 from cfnav_core.task.camera import CAMERAS
 from cfnav_core.task.vocabulary import CATEGORIES
 from studies.eyes.detectors import best_pairs, overlap
@@ -83,12 +85,18 @@ def test_what_cannot_be_told_is_one_sentence(perceive, picture, tmp_path):
         assert wrong.count("\n") == 1
 
 
+def test_the_next_network_for_the_mast_knows_a_kitchen_by_its_pictures(tmp_path):
+    path, shown = _kitchen("mast", tmp_path)
+    network = OnnxPerception(Path(cfnav_core.perception.__file__).with_name("mast.onnx"))
+    assert network.gives.camera
+    assert network.gives.camera.sees_like(CAMERAS["mast"])
+    assert {box.name for box in network.boxes(read_rgb(path))} & shown
+
+
 @pytest.mark.parametrize("name", NETWORKS)
 def test_a_shipped_network_finds_what_its_camera_shows(name, perceive, tmp_path):
     path, shown = _kitchen(name, tmp_path)
-    camera = OnnxPerception(NETWORKS[name]).gives.camera
-    assert camera
-    assert camera.sees_like(CAMERAS[name])
+    assert OnnxPerception(NETWORKS[name]).gives.camera == CAMERAS[name]
     code, said, _ = perceive(path, of=("--camera", name))
     assert code == 0
     assert {line.split()[1] for line in said.splitlines()} & shown
