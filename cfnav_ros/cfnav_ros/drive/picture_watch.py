@@ -94,9 +94,7 @@ class PictureWatch:
             return self._check
         told, self._told = self._told, frame
         same = told is not None and frame.data == told.data
-        delivered_twice = told is not None and same and frame.stamp_ns == told.stamp_ns
-        if not delivered_twice:
-            self._repeats.see(stamp, same, pose, odometry.stamp)
+        self._repeats.see(stamp, frame.stamp_ns, same, pose, odometry.stamp)
         if not same or before is None or _about(frame) != _about(before):
             self._check = self._read(frame)
         elif self._frozen_time and self._repeats.frozen and not self._check.waiting:

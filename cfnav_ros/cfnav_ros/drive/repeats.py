@@ -45,17 +45,22 @@ class Repeats:
         self._pose: Pose | None = None
         self._rest: tuple[float, Pose | None] = (0.0, None)
         self._different = 0
+        self._stamp_ns = 0
 
-    def see(self, t: float, same: bool, pose: Pose | None, pose_t: float) -> None:
-        """Take a message; not one that is delivered again under its stamp, which says nothing.
+    def see(self, t: float, stamp_ns: int, same: bool, pose: Pose | None, pose_t: float) -> None:
+        """Take a message; one that is delivered again under its stamp says nothing.
 
         Args:
             t: when it was made, seconds.
+            stamp_ns: its stamp, nanoseconds.
             same: whether it holds what the one before held; False for the first.
             pose: newest odometry; without one every view counts as one of a robot at rest.
             pose_t: when that was taken, seconds. Odometry that is newer than the message says
                 nothing of where it was taken.
         """
+        if same and stamp_ns == self._stamp_ns:
+            return
+        self._stamp_ns = stamp_ns
         rested_at = self._rest[1]
         if _apart(pose, rested_at, SAME_M, SAME_RAD) or (pose is None) != (rested_at is None):
             self._rest = (t, pose)

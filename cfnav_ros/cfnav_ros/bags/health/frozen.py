@@ -38,8 +38,7 @@ class Frozen:
         same = before is not None and _same(before, data)
         place = None if pose is None else (pose.x, pose.y, pose.yaw)
         newer = 0.0 if pose is None else (pose.t_ns - stamp_ns) * 1e-9
-        if new_stamp or not same:  # else it was delivered twice
-            self._repeats.see(t, same, place, t + newer)
+        self._repeats.see(t, stamp_ns, same, place, t + newer)
         long = new_stamp and t - self._repeats.since >= FROZEN_S
         return self._repeats.since if long and self._repeats.frozen else None
 
