@@ -7,7 +7,9 @@ from pathlib import Path
 
 from cfnav_ros.bags.evaluation import EvaluatedDrive, JudgeOptions, evaluate
 from cfnav_ros.bags.files.finding import find_bags, unique_names
+from cfnav_ros.bags.files.parameters_file import read_parameters
 from cfnav_ros.bags.files.reading import Bag as Bag
+from cfnav_ros.bags.files.recorded_robot import recorded_robot
 from cfnav_ros.bags.judge.episodes_file import read_episodes
 
 
@@ -28,6 +30,9 @@ def judge(
         ValueError: the episodes file cannot be used.
     """
     rows = read_episodes(Path(episodes)) if episodes else ()
-    options, bags = JudgeOptions(topics=topics or {}, rows=rows), find_bags([Path(path)])
-    named = zip(bags, unique_names(bags), strict=True)
-    return [drive for bag, name in named for drive in evaluate(bag, options, name=name).drives]
+    bags, drives = find_bags([Path(path)]), list[EvaluatedDrive]()
+    for bag, name in zip(bags, unique_names(bags), strict=True):
+        told = read_parameters(None, recorded=recorded_robot(bag))
+        options = JudgeOptions.of(told, topics or {}, rows=rows)
+        drives += evaluate(bag, options, name=name).drives
+    return drives

@@ -74,10 +74,12 @@ class Robot:
     Attributes:
         name: of the file.
         topics: by role, those of our own nodes too; what the robot lacks is not there.
+        said: text of the file.
     """
 
     name: str = DEFAULT
     topics: Mapping[str, Topic] = field(default_factory=lambda: TOPICS)
+    said: str = field(default="", repr=False, compare=False)
     bundle: str = setting(
         "default", "that drives unless told: the name of a shipped one, or a folder"
     )
@@ -135,23 +137,32 @@ def load_robot(given: str | Path = DEFAULT) -> Robot:
     """
     path = SHIPPED / f"{given}.yaml" if given in robots() else Path(given)
     try:
-        said = yaml.safe_load(path.read_text())
+        text = path.read_text()
     except FileNotFoundError:
         known = ", ".join(robots())
         raise UnknownRobotError(
             f"robot is {str(given)!r}, expected a file or one of {known}."
         ) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
     try:
-        if not isinstance(said, dict):
-            raise ValueError("it describes no robot, expected names and values.")
-        return _robot(path.stem, said)
+        return parse_robot(path.stem, text)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _robot(name: str, said: dict[Any, Any]) -> Robot:
+def parse_robot(name: str, text: str) -> Robot:
+    """Read a robot of a name from the text of its file.
+
+    Raises:
+        ValueError: it is of no use; one sentence.
+    """
+    try:
+        said = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"it cannot be read: {' '.join(str(error).split())}") from None
+    if not isinstance(said, dict):
+        raise ValueError("it describes no robot, expected names and values.")
     renamed = said.pop("topics", None) or {}
     body = dict(flat(said))
     unsaid = {name for name, _ in leaves(Robot())} - body.keys()
@@ -165,7 +176,7 @@ def _robot(name: str, said: dict[Any, Any]) -> Robot:
     if robot.cmd_vel_type != "auto":
         kind = STAMPED if robot.cmd_vel_type == "stamped" else UNSTAMPED
         topics["cmd_vel"] = replace(topics["cmd_vel"], type=kind, other_type="")
-    return replace(robot, topics=topics)
+    return replace(robot, topics=topics, said=text)
 
 
 def _topics(renamed: Any, tilts: bool) -> dict[str, Topic]:

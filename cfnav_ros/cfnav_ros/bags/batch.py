@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
@@ -16,20 +16,20 @@ from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, evaluate
 from cfnav_ros.bags.files.decode import WITH_EVENTS
 from cfnav_ros.bags.files.finding import unique_names
 from cfnav_ros.bags.files.reading import Bag
-from cfnav_ros.bags.judge.episodes_file import rows_by_bag
+from cfnav_ros.bags.judge.episodes_file import EpisodeRow, rows_by_bag
 
 LOOK_S = 0.2
 """Between looks at how far the processes are."""
 
 
 def evaluate_all(
-    bags: Sequence[Path], options: JudgeOptions, jobs: int
+    options: Mapping[Path, JudgeOptions], rows: Sequence[EpisodeRow], jobs: int
 ) -> list[BagEvaluation | str]:
     """Evaluate bags, with a bar of progress; one that goes wrong leaves the others whole.
 
     Args:
-        bags: those that ``find_bags`` gives.
-        options: for all of them; each takes its own rows of the episodes file.
+        options: of each of the bags that ``find_bags`` gives.
+        rows: of the episodes file; each bag takes its own.
         jobs: processes; 1 works in this one.
 
     Returns:
@@ -38,12 +38,13 @@ def evaluate_all(
     Raises:
         EpisodesError: a row of the episodes file fits no bag, or several; nothing was evaluated.
     """
-    rows = rows_by_bag(options.rows, bags)
+    bags = [*options]
+    mine = rows_by_bag(rows, bags)
     each = [
-        (bag, replace(options, rows=rows[bag]), name)
+        (bag, replace(options[bag], rows=mine[bag]), name)
         for bag, name in zip(bags, unique_names(bags), strict=True)
     ]
-    with tqdm(total=_events(bags, options) or None, unit="event") as bar:
+    with tqdm(total=_events(options) or None, unit="event") as bar:
         bar.unit_scale = True
         if min(jobs, len(bags)) <= 1:
             return [_attempt(bar.update, *task) for task in each]
@@ -89,12 +90,12 @@ def _attempt(
         return f"{bag} could not be evaluated: {error}"
 
 
-def _events(bags: Sequence[Path], options: JudgeOptions) -> int:
+def _events(options: Mapping[Path, JudgeOptions]) -> int:
     """How many messages will be read, as far as the bags know; 0 when one does not."""
     total = 0
-    for path in bags:
+    for path, asked in options.items():
         with Bag(path) as bag:
-            roles = options.assigned(bag.topics)
+            roles = asked.assigned(bag.topics)
             counts = [roles.topics[role].count for role in WITH_EVENTS if role in roles.topics]
         if any(count is None for count in counts):
             return 0

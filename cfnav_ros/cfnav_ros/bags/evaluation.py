@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +27,9 @@ from cfnav_ros.bags.files.events import (
     Picture,
     Pose,
 )
+from cfnav_ros.bags.files.parameters_file import RobotParameters
 from cfnav_ros.bags.files.reading import Bag
-from cfnav_ros.bags.files.roles import ROLES, Roles, assign, told
+from cfnav_ros.bags.files.roles import ROLES, Roles, assign, names_of, told
 from cfnav_ros.bags.files.storage import BagTopic
 from cfnav_ros.bags.film import Film
 from cfnav_ros.bags.health.health import Finding, Health
@@ -89,6 +91,15 @@ class JudgeOptions:
     detections: DetectionSettings = field(default_factory=DetectionSettings)
     robot: Robot = field(default_factory=Robot)
     tilt_joint: str = TILT_JOINT
+
+    @classmethod
+    def of(cls, told: RobotParameters, topics: Mapping[str, str], **others: Any) -> JudgeOptions:
+        """By what the nodes of a robot were told; ``topics`` go before the robot's."""
+        return cls(
+            topics={**names_of(told.robot), **topics}, robot=told.robot, lidar=told.lidar,
+            mount_given=told.mount_given, limits=told.policy.episode,
+            detections=told.policy.detections, tilt_joint=told.policy.tilt_joint, **others,
+        )  # fmt: skip
 
     @property
     def reads_sightings(self) -> bool:

@@ -18,10 +18,11 @@ import numpy as np
 import tyro
 
 from cfnav_core.command import run_options
-from cfnav_core.robot.robot import DEFAULT, Robot, load_robot
+from cfnav_core.robot.robot import Robot
 from cfnav_ros.bags.files.events import LaserTurn, Pose
 from cfnav_ros.bags.files.finding import BagError, find_bags
 from cfnav_ros.bags.files.reading import Bag
+from cfnav_ros.bags.files.recorded_robot import robot_for
 from cfnav_ros.bags.files.roles import Roles, assign, names_of
 from cfnav_ros.lidar.returns import Mount, Scan, beams, measured
 
@@ -94,21 +95,15 @@ def read_turn(path: Path, robot: Robot) -> tuple[list[Scan], np.ndarray, tuple[s
     """Read what a bag holds of a turn.
 
     Args:
-        path: of the bag.
+        path: one of those that ``find_bags`` gives.
         robot: whose topics they are.
 
     Returns:
         Its scans; the headings of its odometry, float64 [N], radians in [-pi, pi]; what could not
         be read, a sentence each.
-
-    Raises:
-        BagError: there is no bag, or more than one.
     """
-    found = find_bags([path])
-    if len(found) > 1:
-        raise BagError(f"{path} holds {len(found)} bags; expected the one of the turn")
     scans, yaws = [], []
-    with Bag(found[0]) as bag:
+    with Bag(path) as bag:
         roles = assign(bag.topics, names_of(robot)).topics
         wanted = {role: roles[role] for role in ("scan", "odom") if role in roles}
         for event in bag.events(Roles(wanted)):
@@ -117,6 +112,14 @@ def read_turn(path: Path, robot: Robot) -> tuple[list[Scan], np.ndarray, tuple[s
             elif isinstance(event, Pose):
                 yaws.append(event.yaw)
         return scans, np.array(yaws, np.float64), tuple(bag.notes)
+
+
+def _only(path: Path) -> Path:
+    """The bag in a folder, or BagError."""
+    found = find_bags([path])
+    if len(found) > 1:
+        raise BagError(f"{path} holds {len(found)} bags; expected the one of the turn")
+    return found[0]
 
 
 def file_lines(sectors: Sequence[Sector]) -> str:
@@ -176,9 +179,10 @@ class LidarMask:
 
     bag: Annotated[Path, tyro.conf.Positional]
     """Folder of a bag with scans and odometry."""
-    robot: str = DEFAULT
-    """Name of one that is shipped, or its file: where its LiDAR sits, and its hull; what returns
-    from within that is the robot."""
+    robot: str = ""
+    """Name of one that is shipped, or its file, when not given that which the bag says has turned,
+    else turtlebot4_mast: where its LiDAR sits, and its hull; what returns from within that is the
+    robot."""
 
     def run_command(self) -> None:
         """Learn and print.
@@ -187,15 +191,16 @@ class LidarMask:
             BagError: there is no such bag, or it cannot tell.
             ValueError: the robot's file does not say where its LiDAR sits.
         """
-        described = load_robot(self.robot)
+        bag = _only(self.bag)
+        described = robot_for(bag, self.robot)
         lidar = described.lidar
         if lidar.mount == "tf":
             raise ValueError(
-                f"lidar.mount of {self.robot} is tf, expected the mount parameters with x, y and "
-                "yaw_deg: say where its LiDAR sits to learn what it sees of itself."
+                f"lidar.mount of {described.name} is tf, expected the mount parameters with x, y "
+                "and yaw_deg: say where its LiDAR sits to learn what it sees of itself."
             )
         mount = Mount(lidar.x, lidar.y, math.radians(lidar.yaw_deg))
-        scans, yaws, notes = read_turn(self.bag, described)
+        scans, yaws, notes = read_turn(bag, described)
         for note in notes:
             print(f"lidar_mask: {note}", file=sys.stderr)
         try:

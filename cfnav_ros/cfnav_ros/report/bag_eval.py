@@ -23,7 +23,8 @@ from cfnav_ros.bags.batch import evaluate_all
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, policy_of
 from cfnav_ros.bags.files.finding import find_bags
 from cfnav_ros.bags.files.parameters_file import read_parameters
-from cfnav_ros.bags.files.roles import names_of, parse_topics
+from cfnav_ros.bags.files.recorded_robot import recorded_robot
+from cfnav_ros.bags.files.roles import parse_topics
 from cfnav_ros.bags.judge.episodes_file import read_episodes
 from cfnav_ros.bags.judge.figures import Mean, counted_reasons
 from cfnav_ros.bags.results import left_out, result_files
@@ -62,7 +63,8 @@ class BagEvalConfig:
     """Namespace of the robot in the bags where they hold several, such as robot1; / is one without;
     when not given it is that of the named topics, else the robot of which most is recorded."""
     robot: str = ""
-    """The robot: the name of one that is shipped, or its file; topics, LiDAR and limits follow."""
+    """The robot: the name of one that is shipped, or its file; topics, LiDAR and limits follow.
+    When not given that of --params, else that which a bag says has driven, else turtlebot4_mast."""
     params: Path | None = None
     """ROS parameter file of the robot's nodes; it may name the robot."""
     episodes: Path | None = None
@@ -84,8 +86,9 @@ def run(config: BagEvalConfig) -> int:
         BagError: there is no bag.
         WriteError: a result cannot be written.
     """
-    bags, options = find_bags(config.bags), options_of(config)
-    results = evaluate_all(bags, options, config.jobs)
+    bags, rows = find_bags(config.bags), read_episodes(config.episodes) if config.episodes else ()
+    options = {bag: options_of(config, bag) for bag in bags}
+    results = evaluate_all(options, rows, config.jobs)
     done = [result for result in results if isinstance(result, BagEvaluation)]
     failed = [result for result in results if isinstance(result, str)]
     told = [
@@ -106,12 +109,16 @@ def run(config: BagEvalConfig) -> int:
     print(f"report in {config.out / REPORT}")
     if not any(e.drives for e in done):
         return COULD_NOT
-    return PARTLY if failed or not all(_whole(e, options) for e in done) else DONE
+    whole = [
+        isinstance(result, BagEvaluation) and _whole(result, asked)
+        for result, asked in zip(results, options.values(), strict=True)
+    ]
+    return DONE if all(whole) else PARTLY
 
 
-def _whole(evaluation: BagEvaluation, options: JudgeOptions) -> bool:
+def _whole(evaluation: BagEvaluation, asked: JudgeOptions) -> bool:
     """Whether everything that was asked of a bag was found in it."""
-    lacks_named = any(role in evaluation.missing for role in options.topics)
+    lacks_named = any(role in evaluation.missing for role in asked.topics)
     lacks = lacks_named or not evaluation.drives
     return not (evaluation.damaged or lacks or _not_replayed(evaluation))
 
@@ -196,25 +203,20 @@ def _line(scores: BundleScores) -> str:
     return f"{line}; {own.equal} of {own.decisions} decisions reproduced" if own.decisions else line
 
 
-def options_of(config: BagEvalConfig) -> JudgeOptions:
-    """How the bags are to be evaluated.
+def options_of(config: BagEvalConfig, bag: Path) -> JudgeOptions:
+    """How a bag is to be evaluated: by the robot that is named, else by that which drove.
 
     Raises:
         ValueError: a topic, a file or a bundle cannot be used; one sentence.
     """
-    rows = read_episodes(config.episodes) if config.episodes else ()
     topics = parse_topics(config.topic)
-    told = read_parameters(config.params, config.robot)
+    told = read_parameters(config.params, config.robot, recorded_robot(bag))
     names = _names(config.bundle) if config.bundle else [SHIPPED]
     folders = [str(path) for path in config.bundle] or [told.policy.bundle]
     bundles = dict(zip(names, folders, strict=True)) if config.replay else {}
     for folder in bundles.values():
         policy_of(folder)  # one that cannot be used is told before hours are spent
-    return JudgeOptions(
-        bundles=bundles, topics=names_of(told.robot) | topics, namespace=config.namespace,
-        rows=rows, lidar=told.lidar, mount_given=told.mount_given, limits=told.policy.episode,
-        detections=told.policy.detections, robot=told.robot, tilt_joint=told.policy.tilt_joint,
-    )  # fmt: skip
+    return JudgeOptions.of(told, topics, bundles=bundles, namespace=config.namespace)
 
 
 def _names(folders: Sequence[Path]) -> list[str]:

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from tqdm import tqdm
 
 from cfnav_core.command import DONE, PARTLY, run_options
-from cfnav_core.robot.robot import load_robot
 from cfnav_ros.bags.files.finding import BagError, find_bags
 from cfnav_ros.bags.files.playing import Cue, Play, PlayOptions, cut
 from cfnav_ros.bags.files.reading import Bag
+from cfnav_ros.bags.files.recorded_robot import robot_for
 from cfnav_ros.bags.files.roles import assign
 from cfnav_ros.bags.files.sources import SENSORS, PlayedTopic, choose
 from cfnav_ros.process.domains import Domain, stay_apart
@@ -34,7 +34,7 @@ TICK_NS, FAST_TICK_NS = 10_000_000, 50_000_000
 
 def _play(options: PlayOptions, bag: Bag, stop: StopSignal) -> int:
     """Play an open bag; returns whether everything was played, as an exit code."""
-    recorded, robot = options.names == "recorded", load_robot(options.robot)
+    recorded, robot = options.names == "recorded", robot_for(bag, options.robot)
     chosen = choose(bag.topics, options.topic, options.namespace, recorded, robot)
     _say(*chosen.notes)
     kinds = _kinds(chosen.sources, bag)

@@ -35,6 +35,7 @@ from rosbags.interfaces import (
 from cfnav_core.robot.robot import Robot, load_robot
 from cfnav_core.robot.topics import COMPRESSED, RAW, TOPICS, Topic
 from cfnav_ros.bags.files.arrival_order import ArrivalOrder
+from cfnav_ros.bags.files.recorded_robot import said_of
 from cfnav_ros.bags.files.writer import BagWriter, typestore_with
 from cfnav_ros.drive.preflight import explain_silence
 from cfnav_ros.ros import conversions
@@ -82,7 +83,8 @@ class Recorder:
             FileNotFoundError: a message package is not built.
         """
         shares = [get_package_share_path(name) for name in PACKAGES]
-        self._writer = BagWriter(bag, typestore_with(shares))
+        robot = robot or load_robot()
+        self._writer = BagWriter(bag, typestore_with(shares), said_of(robot))
         self._system_time, self._clock_ns = system_time, 0
         self._held: ArrivalOrder[tuple[str, bytes]] = ArrivalOrder()
         self._counts: Counter[str] = Counter()
@@ -91,7 +93,7 @@ class Recorder:
         self._node = Node(NODE_NAME, context=context)
         self._undecided: list[Topic] = []
         self._subscriptions: list[tuple[str, Subscription]] = []
-        self._topics = (robot or load_robot()).topics
+        self._topics = robot.topics
         for topic in self._topics.values():
             if topic.other_type:
                 self._undecided.append(topic)

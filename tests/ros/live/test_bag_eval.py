@@ -201,7 +201,7 @@ def test_the_robot_s_parameter_file_tells_how_it_decided(bag: Path, tmp_path: Pa
     params = tmp_path / "robot.yaml"
     params.write_text("lidar_collision_node: {ros__parameters: {disc: {mount_x: 0.2}}}")
     given = {"replay": False, "robot": "differential", "params": params, "topic": ("odom:=o",)}
-    options = options_of(BagEvalConfig((bag,), **given))
+    options = options_of(BagEvalConfig((bag,), **given), bag)
     assert options.topics == {"image": "camera/image_raw", "odom": "o"}
     assert (options.lidar.disc.mount_x, options.lidar.disc.radius) == (0.2, 0.2)
     assert options.mount_given

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
 from ruamel.yaml import YAML
@@ -17,10 +18,14 @@ MAX_METADATA = 16 * 2**20
 
 @dataclass(frozen=True)
 class Metadata:
-    """Names of the files in the order of recording, and the topics; both may be empty."""
+    """Names of the files in the order of recording, the topics, and what the recorder added.
+
+    All may be empty.
+    """
 
     files: tuple[str, ...] = ()
     topics: tuple[BagTopic, ...] = ()
+    custom: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def counted(self) -> bool:
@@ -55,7 +60,8 @@ def read_metadata(folder: Path, notes: Notes) -> Metadata:
                 BagTopic(str(about["name"]), ros_type(str(about["type"])), count, qos=qos)
             )
         files = [PurePath(str(name)).name for name in said["relative_file_paths"]]
+        custom = {str(key): str(value) for key, value in (said.get("custom_data") or {}).items()}
     except Exception as error:  # YAML of any shape fails in any way
         notes.add(f"{path} cannot be read: {' '.join(str(error).split())}.")
         return Metadata()
-    return Metadata(tuple(files), tuple(topics))
+    return Metadata(tuple(files), tuple(topics), custom)

@@ -46,12 +46,15 @@ class RobotParameters:
     mount_given: bool
 
 
-def read_parameters(path: Path | None, robot: str = "") -> RobotParameters:
+def read_parameters(
+    path: Path | None, robot: str = "", recorded: Robot | None = None
+) -> RobotParameters:
     """Read a robot and a parameter file.
 
     Args:
         path: of the parameter file, None for none.
         robot: name or file of the robot; that which the parameter file names when empty.
+        recorded: the robot when neither names one; ``DEFAULT`` when None.
 
     Raises:
         ParametersError: there is no such robot, or a file cannot be read, names neither node, or
@@ -60,7 +63,7 @@ def read_parameters(path: Path | None, robot: str = "") -> RobotParameters:
     if robot:
         _check(robot)
     if path is None:
-        return _settled({}, {}, robot)
+        return _settled({}, {}, robot, recorded)
     try:
         said = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -75,7 +78,7 @@ def read_parameters(path: Path | None, robot: str = "") -> RobotParameters:
                 "it has no parameters of policy_node or lidar_collision_node; expected those of "
                 "at least one"
             )
-        return _settled(policy or {}, lidar or {}, robot)
+        return _settled(policy or {}, lidar or {}, robot, recorded)
     except ValueError as error:
         raise ParametersError(f"{path}: {error}") from None
 
@@ -91,16 +94,18 @@ def _check(robot: str) -> None:
         raise ParametersError(str(error)) from None
 
 
-def _settled(policy: dict[str, Any], lidar: dict[str, Any], robot: str) -> RobotParameters:
+def _settled(
+    policy: dict[str, Any], lidar: dict[str, Any], robot: str, recorded: Robot | None
+) -> RobotParameters:
     named = {robot} if robot else {str(g["robot"]) for g in (policy, lidar) if "robot" in g}
     if len(named) > 1:
         raise ValueError(f"it names two robots ({', '.join(sorted(named))}); expected one")
-    described = load_robot(*named)
+    described = load_robot(*named) if named else recorded or load_robot()
     return RobotParameters(
         robot=described,
         policy=settled(PolicyParameters.of(described), policy),
         lidar=settled(LidarParameters.of(described), lidar),
-        mount_given=bool(named) or any(name in lidar for name in MOUNT),
+        mount_given=bool(named or recorded) or any(name in lidar for name in MOUNT),
     )
 
 

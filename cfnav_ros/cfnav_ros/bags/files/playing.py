@@ -23,7 +23,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import tyro
 
-from cfnav_core.robot.robot import DEFAULT
 from cfnav_ros.bags.files.message_types import MessageTypes
 from cfnav_ros.bags.files.reading import SORTED_NS, Bag
 from cfnav_ros.bags.files.sources import PlayedTopic
@@ -50,8 +49,9 @@ class PlayOptions:
     """ROLE:=NAME for a topic that is not found by its usual name or type; may be repeated."""
     names: Literal["usual", "recorded"] = "usual"
     """Names of the live robot, or those in the bag."""
-    robot: str = DEFAULT
-    """The live robot: the name of one that is shipped, or its file."""
+    robot: str = ""
+    """The live robot: the name of one that is shipped, or its file; when not given that which the
+    bag says has driven, else turtlebot4_mast."""
     namespace: str = ""
     """Put before every name but /clock."""
     rate: float = 1.0

@@ -50,6 +50,7 @@ class Bag:
     Attributes:
         path: folder or file.
         topics: as the bag's index or its metadata has them.
+        custom: what the recorder added to the metadata.
         notes: sentences about what could not be read; more come while it is read.
         read: messages that were read so far.
     """
@@ -72,6 +73,7 @@ class Bag:
             raise BagError(f"{path} does not exist, expected a bag.")
         folder = path.parent if self._split else path
         metadata = read_metadata(folder, self.notes) if folder.is_dir() else Metadata()
+        self.custom = metadata.custom
         self._files = self._storages(metadata)
         self.topics = self._topics(metadata)
         if not self._files:

@@ -7,7 +7,7 @@ in the bag, so that it can be read anywhere.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -112,12 +112,15 @@ class BagWriter:
     written as ``path`` + ``.partial``, which nobody but its owner removes.
     """
 
-    def __init__(self, path: Path, typestore: Typestore) -> None:
+    def __init__(
+        self, path: Path, typestore: Typestore, custom: Mapping[str, str] | None = None
+    ) -> None:
         """Open the bag for writing.
 
         Args:
             path: folder of the finished bag; must not exist.
             typestore: holds every type that will be written.
+            custom: what is added to the metadata, by name.
 
         Raises:
             FileExistsError: ``path`` exists, or what another recording left of it.
@@ -141,6 +144,8 @@ class BagWriter:
             storage_plugin=StoragePlugin.MCAP,
         )
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        for name, text in (custom or {}).items():
+            self._writer.set_custom_data(name, text)
         self._writer.open()
         self._connections: dict[str, Connection] = {}
 

@@ -1,0 +1,61 @@
+"""A bag says which robot drove, and is judged, played and learnt from as that robot's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cfnav_ros.bags.files.reading import Bag
+from cfnav_ros.bags.files.recorded_robot import FILE, NAME, recorded_robot, robot_for, said_of
+from cfnav_ros.bags.files.writer import BagWriter, typestore_with
+from cfnav_ros.report.bag_eval import BagEvalConfig, options_of
+
+from cfnav_core.robot.robot import SHIPPED, load_robot
+
+
+def bag_of(path: Path, custom: dict[str, str]) -> Path:
+    writer = BagWriter(path, typestore_with([]), custom)
+    writer.add_topic("/scan", "sensor_msgs/msg/LaserScan")
+    writer.close()
+    return path
+
+
+def test_a_robot_of_one_s_own_is_known_where_its_file_is_not(tmp_path: Path) -> None:
+    file = tmp_path / "cart.yaml"
+    file.write_text((SHIPPED / "differential.yaml").read_text() + "  scan: front/laser\n")
+    robot = load_robot(file)
+    bag = bag_of(tmp_path / "bag", said_of(robot))
+    file.unlink()
+    assert recorded_robot(bag) == robot
+    assert recorded_robot(bag).name == "cart"
+    with Bag(bag) as opened:
+        assert robot_for(opened, "") == robot
+        assert robot_for(opened, "turtlebot4").name == "turtlebot4"
+
+    options = options_of(BagEvalConfig((bag,), replay=False, topic=("odom:=o",)), bag)
+    assert (options.robot, options.mount_given) == (robot, True)
+    assert options.topics == {"image": "camera/image_raw", "scan": "front/laser", "odom": "o"}
+    assert options.lidar.disc.radius == robot.radius
+
+
+def test_the_bundle_of_the_robot_that_drove_is_replayed(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", said_of(load_robot("turtlebot4")))
+    options = options_of(BagEvalConfig((bag,)), bag)
+    assert options.bundles == {"shipped": "turtlebot4"}
+    named = options_of(BagEvalConfig((bag,), robot="turtlebot4_mast"), bag)
+    assert (named.bundles, named.robot.name) == ({"shipped": "default"}, "turtlebot4_mast")
+
+
+def test_a_bag_of_another_recorder_says_nothing(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", {"recorder": "another"})
+    assert recorded_robot(bag) is None
+    assert robot_for(bag, "").name == "turtlebot4_mast"
+    assert not options_of(BagEvalConfig((bag,), replay=False), bag).mount_given
+
+
+@pytest.mark.parametrize("said", ["", "camera: [", "- 1", "height: high"])
+def test_a_robot_s_file_that_is_of_no_use_is_one_sentence(tmp_path: Path, said: str) -> None:
+    bag = bag_of(tmp_path / "bag", {NAME: "cart", FILE: said})
+    with pytest.raises(ValueError, match=r"bag was recorded on the robot cart, whose file in "):
+        robot_for(bag, "")
+    assert robot_for(bag, "turtlebot4").name == "turtlebot4"
