@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from cfnav_ros.drive.episode import Episode
-from cfnav_ros.drive.inputs import Bumper, CameraFrame, SensorInputs, StampedEstimate, Tilt
+from cfnav_ros.drive.inputs import CameraFrame, SensorInputs, StampedEstimate, Tilt
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import Odometry
 from cfnav_ros.drive.phases import Phase
@@ -71,7 +71,7 @@ class Robot:
         self.t = 100.0
         self.x = self.y = self.yaw = self.tilt = self.v = self.w = 0.0
         self.estimate, self.base = FREE, READY
-        self.bumper = Bumper()
+        self.bumper = False
         self.bumped = self.bump_stamp = NEVER  # when the newest report of it came, and its stamp
         self.stuck, self.tilt_stuck, self.slips = False, False, False
         self.odometry = lambda t: Odometry(t, self.x, self.y, self.yaw, self.v, self.w)

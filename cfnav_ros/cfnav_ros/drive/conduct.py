@@ -71,7 +71,7 @@ class Conduct:
         """Take account of odometry, bumps, and motion that nobody commanded."""
         sample = inputs.odometry
         bumped = self.track.bump(_bumped(t, inputs))
-        if motion and (bumped or inputs.bumper.front):
+        if motion and (bumped or inputs.bumper):
             motion.bump()
         if not self.track.odometry(sample):
             return "Odometry jumped: its pose was reset, or the robot was moved."
@@ -152,4 +152,4 @@ def _bumped(t: float, inputs: SensorInputs) -> float:
 
     Its stamp does not matter: some senders' clocks differ, others never set one.
     """
-    return t if inputs.bumper.pressed else inputs.arrived.get("bumped_at", NEVER)
+    return t if inputs.bumper else inputs.arrived.get("bumped_at", NEVER)

@@ -105,7 +105,7 @@ class Episode:
     def finish(self, outcome: str, message: str) -> None:
         """End the episode: stop first, unless it never got to drive. The first call counts.
 
-        A later one only stops a robot on its way to the dock.
+        A later one only keeps a robot from its dock, or stops it on the way there.
         """
         stop_first = not (self.over or self.phase in NOT_DRIVEN)
         if self._own is not None:
@@ -113,6 +113,7 @@ class Episode:
         if not self.outcome:
             self.outcome, self.message = outcome, message
         elif stop_first:
+            self._dock = self._dock if outcome in DOCKS_AFTER else None
             return
         self.phase = Phase.STOPPING if stop_first else Phase.ENDED
         self._since = inf  # from the next update on, however far node time has leapt by then
@@ -176,9 +177,10 @@ class Episode:
     # Watching
 
     def _check_goal(self) -> None:
-        refusal = self._policy.admits(self.goal)
-        if refusal:
+        if refusal := self._policy.admits(self.goal):
             self.fail(f"The policy does not take this goal: {refusal}.")
+        if not 0.0 <= self._time_limit < inf:
+            self.fail(f"time_limit is {self._time_limit:g} s, expected 0 (none) or more.")
 
     def _check_clock(self, t: float) -> None:
         before, self._t = self._t, t
@@ -298,10 +300,8 @@ class Episode:
         assert answer is not None
         moving = self._conduct.displaced and not self._conduct.rests()
         if not answer.done() or moving:
-            if t - self._since > self._limits.think_timeout:
-                self.fail(
-                    "The base moves by itself." if moving else "The policy did not answer in time."
-                )
+            late = "The base moves by itself." if moving else "The policy did not answer in time."
+            self.fail(late * (t - self._since > self._limits.think_timeout))
             return Output()
         if answer.exception():
             self.fail(f"The policy failed: {answer.exception()}")
@@ -359,7 +359,8 @@ class Episode:
             self._conduct.stands_from = t
             self._enter(Phase.OBSERVE, t)
         elif t - self._since > self._limits.tilt_timeout:
-            self.fail(f"The camera stays at {inputs.tilt.angle:.2f} rad.")
+            stays = f"The camera stays at {inputs.tilt.angle:.2f} rad, expected {target:.2f}"
+            self.fail(f"{stays} within {self._limits.tilt_timeout:g} s: does its driver run?")
         return Output(tilt=target)
 
     def _move(self, t: float, inputs: SensorInputs) -> Output:
@@ -392,8 +393,7 @@ class Episode:
     def _stopping(self, t: float) -> Output:
         self._since = min(self._since, t)
         waited = t - self._since
-        resting = self._conduct.rests()
-        if waited >= self._limits.stop_time and (resting or waited >= REST_TIMEOUT_S):
+        if waited >= self._limits.stop_time and (self._conduct.rests() or waited >= REST_TIMEOUT_S):
             self._enter(Phase.ENDED, t)
             if self._dock and self.outcome in DOCKS_AFTER:
                 self._begin_own(Phase.DOCK, t, self._dock, NOT_BACK)

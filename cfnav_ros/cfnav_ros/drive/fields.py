@@ -13,7 +13,7 @@ import numpy as np
 
 from cfnav_core.perception.boxes import Box
 from cfnav_core.task.pinhole import Pinhole
-from cfnav_ros.drive.inputs import Bumper, StampedEstimate, Tilt
+from cfnav_ros.drive.inputs import StampedEstimate, Tilt
 from cfnav_ros.drive.motion import Odometry
 from cfnav_ros.lidar.estimate import Estimate, Scan, Verdict
 
@@ -218,7 +218,6 @@ def bump_from_message(message: Any) -> float | None:
     return stamp_to_seconds(message.header.stamp) if bump_zones(message) else None
 
 
-def bumper_from_message(message: Any) -> Bumper:
-    """The bumper's state; a detection that does not name its zone may be any."""
-    zones = bump_zones(message)
-    return Bumper(bool(zones), any("front" in zone or not zone for zone in zones))
+def bumper_from_message(message: Any) -> bool:
+    """Whether the bumper is pressed, in any of its zones."""
+    return bool(bump_zones(message))

@@ -68,18 +68,6 @@ class Tilt:
 
 
 @dataclass(frozen=True)
-class Bumper:
-    """What the newest report says of the bumper; it holds until another one comes.
-
-    A Create 3 reports hazards when they change (firmware H.2.5 and later), older ones at 20 Hz.
-    """
-
-    pressed: bool = False
-    front: bool = False
-    """Whether a zone that faces forward is pressed."""
-
-
-@dataclass(frozen=True)
 class SensorInputs:
     """The newest message of each kind; stamped ``NEVER`` until the first.
 
@@ -90,7 +78,9 @@ class SensorInputs:
         estimate: newest collision estimate.
         odometry: newest pose and velocity.
         tilt: newest tilt of the camera.
-        bumper: its state.
+        bumper: the newest report says that it is pressed. That holds until another one comes: a
+            Create 3 reports hazards when they change (firmware H.2.5 and later), older ones at
+            20 Hz.
         bumped_at: stamp of the newest report of a bump, seconds: it may be over already.
         docked: the base says that it sits on its dock.
         powered: the base says that its wheels have power; so do bases that say nothing.
@@ -107,7 +97,7 @@ class SensorInputs:
     estimate: StampedEstimate = field(default_factory=StampedEstimate)
     odometry: Odometry = field(default_factory=lambda: Odometry(NEVER, 0.0, 0.0, 0.0))
     tilt: Tilt = field(default_factory=Tilt)
-    bumper: Bumper = Bumper()
+    bumper: bool = False
     bumped_at: float = NEVER
     docked: bool = False
     powered: bool = True

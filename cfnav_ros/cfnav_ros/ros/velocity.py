@@ -31,8 +31,8 @@ from cfnav_ros.ros import conversions
 CHECK_S = 0.5
 """Real time between looks at who else is on cmd_vel."""
 
-KEPT = 50
-"""Newest messages sent, by which ours are told from those of others: two seconds at 20 Hz."""
+BACK_S = 2.0
+"""Real time within which what we send comes back to us, where we listen to others there."""
 
 ACTION = "navigate_to_object"
 """Served by every policy node: two of them would both take a goal and drive."""
@@ -62,7 +62,7 @@ class VelocityPublisher:
         self._publisher: Publisher | None = None
         self._me = conversions.own_participant(node)
         self._checked_at = self._sent_at = 0.0
-        self._newest_sent: deque[Twist | TwistStamped] = deque(maxlen=KEPT)
+        self._to_come: dict[str, deque[tuple[float, Twist | TwistStamped]]] = {}
         self._listeners: dict[str, Subscription] = {}
         self._other_driver = ""
 
@@ -132,7 +132,10 @@ class VelocityPublisher:
         if self._publisher.msg_type is TwistStamped:
             stamp, frame = self._node.get_clock().now().to_msg(), self._settings.base_frame
             message = conversions.twist_stamped(command, stamp, frame)
-        self._newest_sent.appendleft(message)
+        for ours in self._to_come.values():
+            while ours and now - ours[0][0] > BACK_S:
+                ours.popleft()
+            ours.append((now, message))
         self._publisher.publish(message)
 
     def _namesakes(self) -> list[str]:
@@ -175,13 +178,29 @@ class VelocityPublisher:
             heard = (self.type,) if topic == self.topic else tuple(MESSAGES)
             kind = next((kind for kind in types if kind in heard), None)
             if kind is not None and topic not in self._listeners:
+                if topic in (self.topic, self._base_topic):
+                    self._to_come[topic] = deque()
                 self._listeners[topic] = self._node.create_subscription(
                     MESSAGES[kind], topic, partial(self._hear, topic), qos_profile_sensor_data
                 )
 
     def _hear(self, topic: str, message: Twist | TwistStamped) -> None:
-        if topic in (self.topic, self._base_topic) and message in self._newest_sent:
+        if self._comes_back(topic, message):
             return
         allowed = self._settings.other_publishers
         self._other_driver = f"Somebody else drives: a velocity of {allowed} came on {topic}."
         self._checked_at = 0.0  # to be told at the next look
+
+    def _comes_back(self, topic: str, message: Twist | TwistStamped) -> bool:
+        """Whether a message is ours, the oldest like it.
+
+        Each comes back once and in its order, so that of two alike one is somebody else's: a Twist
+        bears no stamp, and a joystick's zeros look like ours.
+        """
+        ours = self._to_come.get(topic, deque())
+        alike = next((n for n, (_, sent) in enumerate(ours) if sent == message), None)
+        if alike is None:
+            return False
+        for _ in range(alike + 1):
+            ours.popleft()
+        return True

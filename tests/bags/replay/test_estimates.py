@@ -121,6 +121,14 @@ def test_the_mounting_comes_from_the_bags_frames():
     assert probability[2] < probability[0] - 0.1  # mounted further ahead, the wall is further off
 
 
+def test_two_places_of_which_one_is_said_for_good_are_as_blind_as_the_node():
+    turn = turns(1)[0]
+    both = [tf(-0.04, math.pi / 2), tf(-0.03, math.pi / 2)]
+    estimate = judged([*both, turn])[-1].estimate
+    assert estimate.verdict is Verdict.BLIND
+    assert "TF has two places for rplidar_link" in estimate.reason
+
+
 def test_parameters_that_contradict_the_frames_are_told():
     turn = turns(1)[0]
     given = Estimates(mount_given=True)

@@ -176,6 +176,27 @@ def test_whoever_ends_the_goal_meanwhile_stops_the_robot_on_its_way():
     assert dock.asked[0].cancelled()
 
 
+@pytest.mark.parametrize("outcome", ["preempted", "aborted"])
+def test_what_happens_while_it_stops_keeps_it_from_its_dock(outcome):
+    robot = Robot()
+    dock = Dock(robot, docked=False)
+    episode = dock.episode(Action.MoveAhead, Action.Done, dock=True)
+    robot.run(episode, until=lambda episode: episode.phase is Phase.STOPPING)
+    episode.finish(outcome, "Meanwhile something else came.")
+    robot.run(episode)
+    assert (episode.outcome, dock.asked) == ("done", [])
+
+
+def test_a_time_limit_that_passes_while_it_stops_does_not():
+    robot = Robot()
+    dock = Dock(robot, docked=False)
+    episode = dock.episode(Action.Done, dock=True)
+    robot.run(episode, until=lambda episode: episode.phase is Phase.STOPPING)
+    episode.finish("time_limit", "60 s have passed.")
+    robot.run(episode, until=lambda _: dock.asked)
+    assert (episode.phase, episode.outcome) == (Phase.DOCK, "done")
+
+
 def test_a_battery_that_runs_low_on_the_way_is_no_reason_to_turn_back():
     robot = Robot()
     dock, episode = to_the_dock(robot)

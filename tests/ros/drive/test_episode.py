@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 import pytest
-from cfnav_ros.drive.inputs import Bumper, SensorInputs, StampedEstimate, Tilt
+from cfnav_ros.drive.inputs import SensorInputs, StampedEstimate, Tilt
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import STOP, MotionLimits
 from cfnav_ros.lidar.estimate import Estimate, Verdict
@@ -237,12 +237,21 @@ def test_ending_from_outside_stops_first(outcome):
     assert episode.outcome == outcome
 
 
+@pytest.mark.parametrize("limit", [math.nan, math.inf, -1.0])
+def test_a_time_limit_that_is_none_is_refused(limit):
+    episode, policy = episode_of(Action.Done, time_limit=limit)
+    robot = Robot()
+    robot.run(episode)
+    assert (episode.outcome, policy.calls) == ("refused", [])
+    assert episode.message == f"time_limit is {limit:g} s, expected 0 (none) or more."
+
+
 def test_a_bump_ends_the_move_is_counted_once_and_the_episode_goes_on():
     robot = Robot()
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.Done)
     robot.run(episode, until=driving)
     x = robot.x
-    robot.bumped, robot.bumper = robot.t, Bumper(pressed=True)  # from now on, at a side
+    robot.bumped, robot.bumper = robot.t, True  # from now on, at a side
     robot.run(episode)
     assert (episode.outcome, episode.track.bumps) == ("done", 1)
     assert robot.x - x < 0.02

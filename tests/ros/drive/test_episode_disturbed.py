@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 import pytest
-from cfnav_ros.drive.inputs import Bumper, PictureCheck
+from cfnav_ros.drive.inputs import PictureCheck
 from cfnav_ros.drive.motion import STOP, Command, Odometry
 from cfnav_ros.drive.phases import Phase
 from cfnav_ros.drive.preflight import UNSTAMPED, BaseCheck
@@ -191,11 +191,11 @@ def test_the_reflex_after_a_bump_is_no_push():
     robot = Robot()
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.Done)
     robot.run(episode, until=driving)
-    robot.bumped, robot.bumper = robot.t, Bumper(pressed=True)
+    robot.bumped, robot.bumper = robot.t, True
     robot.tick(episode)
     for _ in range(4):
         robot.tick(episode)  # it rests, then its reflex backs off
-    robot.bumper = Bumper()
+    robot.bumper = False
     push(robot, episode, x=-0.1, y=0.0, ticks=15)
     robot.run(episode)
     assert (episode.outcome, episode.track.bumps, episode.pushes) == ("done", 1, 0)
@@ -204,7 +204,7 @@ def test_the_reflex_after_a_bump_is_no_push():
 def test_a_pressed_bumper_forbids_driving_ahead_but_no_turn():
     """One report tells of it: the firmware is silent until the bumper is free."""
     robot = Robot()
-    robot.bumped, robot.bumper = robot.t, Bumper(pressed=True, front=True)
+    robot.bumped, robot.bumper = robot.t, True
     episode, _ = episode_of(Action.MoveAhead, Action.RotateLeft, Action.MoveAhead, Action.Done)
     while not episode.ended:
         robot.tick(episode)
@@ -237,7 +237,7 @@ def test_a_bump_before_the_episode_is_old():
 
 def test_a_bumper_that_is_pressed_from_before_the_episode_blocks_and_is_no_bump_of_it():
     robot = Robot()
-    robot.bumped, robot.bumper = robot.t, Bumper(pressed=True, front=True)
+    robot.bumped, robot.bumper = robot.t, True
     episode, _ = episode_of(Action.MoveAhead, Action.Done)
     robot.run(episode)
     assert (episode.outcome, episode.track.bumps, robot.x) == ("done", 0, 0.0)

@@ -6,7 +6,7 @@ import re
 from concurrent.futures import Future
 
 import pytest
-from cfnav_ros.drive.inputs import AgeLimits, Bumper, CameraFrame, PictureCheck, SensorInputs
+from cfnav_ros.drive.inputs import AgeLimits, CameraFrame, PictureCheck, SensorInputs
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import STOP
 from cfnav_ros.drive.phases import Phase
@@ -205,7 +205,8 @@ def test_a_camera_that_does_not_tilt_ends_the_episode():
     robot.tilt_stuck = True
     episode, _ = episode_of(Action.LookDown, Action.Done)
     robot.run(episode)
-    assert (episode.outcome, episode.message) == ("aborted", "The camera stays at 0.00 rad.")
+    assert episode.outcome == "aborted"
+    assert episode.message.startswith("The camera stays at 0.00 rad, expected -0.52 within ")
 
 
 @pytest.mark.parametrize("moved", [True, False])
@@ -316,8 +317,8 @@ def test_a_bump_of_before_node_time_began_anew_hides_no_new_one():
     robot.bumped = robot.bump_stamp = robot.t + 4900.0
     episode, _ = episode_of(Action.MoveAhead, Action.Done)
     robot.run(episode, until=lambda episode: driving(episode) and robot.v > 0.15)
-    robot.bumped, robot.bump_stamp, robot.bumper = robot.t, robot.t, Bumper(pressed=True)
+    robot.bumped, robot.bump_stamp, robot.bumper = robot.t, robot.t, True
     robot.tick(episode)
-    robot.bumper = Bumper()
+    robot.bumper = False
     robot.run(episode)
     assert episode.track.bumps == 1

@@ -5,7 +5,6 @@ import itertools
 import math
 
 import pytest
-from cfnav_ros.drive.inputs import Bumper
 from cfnav_ros.drive.motion import Odometry, Status
 from cfnav_ros.drive.phases import Phase
 from cfnav_ros.drive.track import Met, Stop
@@ -96,10 +95,10 @@ def test_a_bump_is_remembered_after_the_reflex_has_backed_off():
     robot = Robot()
     episode, policy = episode_of(MOVE, MOVE, LEFT, MOVE, Action.Done)
     robot.run(episode, until=driving)
-    robot.bumped, robot.bumper = robot.t, Bumper(pressed=True)
+    robot.bumped, robot.bumper = robot.t, True
     for _ in range(5):
         robot.tick(episode)
-    robot.bumper = Bumper()
+    robot.bumper = False
     for _ in range(15):
         robot.x -= 0.01
         robot.tick(episode)
@@ -135,14 +134,14 @@ def backing_off(*actions, relayed, **limits):
     def move(command):
         if back[0]:
             back[0] -= 1
-            robot.bumper = Bumper()
+            robot.bumper = False
             robot.v, robot.w = -0.14, 0.0
             robot.x -= 0.14 * DT
         elif command.v > 0 and robot.x + command.v * DT >= WALL:
             touched.append(robot.t)
             back[0], robot.v = 16, 0.0
             if relayed:
-                robot.bumped, robot.bumper = robot.t, Bumper(True, True)
+                robot.bumped, robot.bumper = robot.t, True
         else:
             obey(command)
 

@@ -23,7 +23,7 @@ from cfnav_ros.drive.fields import (  # noqa: E402
     stamp_to_seconds,
     tilt_from_message,
 )
-from cfnav_ros.drive.inputs import Bumper, StampedEstimate, Tilt  # noqa: E402
+from cfnav_ros.drive.inputs import StampedEstimate, Tilt  # noqa: E402
 from cfnav_ros.drive.motion import Command  # noqa: E402
 from cfnav_ros.drive.motion import Odometry as Pose  # noqa: E402
 from cfnav_ros.drive.picture_watch import PictureWatch  # noqa: E402
@@ -203,13 +203,12 @@ def test_a_bump_is_found_among_the_hazards():
         HazardDetection(type=HazardDetection.BACKUP_LIMIT),
     ]
     assert bump_from_message(over_the_wire(message)) is None
-    assert bumper_from_message(over_the_wire(message)) == Bumper()
+    assert bumper_from_message(over_the_wire(message)) is False
     message.detections.append(HazardDetection(type=HazardDetection.BUMP))
-    bump = bump_from_message(over_the_wire(message))
-    assert bump == stamp_to_seconds(STAMP)
-    assert bumper_from_message(over_the_wire(message)) == Bumper(pressed=True, front=True)
-    message.detections[-1].header.frame_id = "bump_left"
-    assert bumper_from_message(over_the_wire(message)) == Bumper(pressed=True)
+    for zone in ("", "bump_front_center", "bump_left"):
+        message.detections[-1].header.frame_id = zone
+        assert bump_from_message(over_the_wire(message)) == stamp_to_seconds(STAMP)
+        assert bumper_from_message(over_the_wire(message)) is True
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,22 @@ def test_a_joystick_that_speaks_ends_the_episode_and_its_silence_does_not(graph,
     joystick.destroy_node()
 
 
+def test_a_joystick_s_zeros_are_not_taken_for_ours_where_velocities_bear_no_stamp(
+    graph, make_bundle
+):
+    robot, _, _ = graph(make_bundle("MoveAhead"), "other_publishers:=joy", velocity=Twist)
+    joystick = Node("joy", context=robot.context)
+    stick = joystick.create_publisher(Twist, "cmd_vel", 1)
+    _, result = robot.result(robot.send(max_steps=3)[1])
+    assert result.outcome == "step_limit", result.message
+    future = robot.send()[1]
+    robot.wait_driving()
+    robot.wait(stick.get_subscription_count, "the node to listen")
+    stick.publish(Twist())  # a button held, and the stick at rest
+    assert stops(robot, future) == "Somebody else drives: a velocity of joy came on /cmd_vel."
+    joystick.destroy_node()
+
+
 def test_a_drive_to_be_recorded_needs_its_recorder_from_begin_to_end(graph, make_bundle):
     waits = ("wait_for_recorder:=true", "episode.preflight_timeout:=4.0")
     robot, _, _ = graph(make_bundle("MoveAhead"), *waits)

@@ -154,7 +154,7 @@ class Estimates:
         if self._watch.source == "TF" and not event.topic.endswith("tf_static"):
             return
         for transform in event.transforms:
-            self._mounting.tree.add(*transform)
+            self._mounting.tree.add(*transform, fixed=event.topic.endswith("tf_static"))
 
     def _publish(
         self, now_ns: int, stamp_ns: int, log_ns: int, estimate: Estimate, of_scan: bool = False
