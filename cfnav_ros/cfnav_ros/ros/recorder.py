@@ -22,6 +22,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rosbags.interfaces import (
     Qos,
@@ -52,7 +53,8 @@ PICTURES = 300
 """The same of pictures, which are large."""
 
 DECIDE_S = 0.2
-"""Real time between looks at the type of a topic that may have two."""
+"""Real time between looks at what the graph knows: the type of a topic that may have two, and the
+quality of service that is offered."""
 
 CLOCK = TOPICS["clock"].name
 
@@ -92,7 +94,7 @@ class Recorder:
         self._error: Exception | None = None
         self._node = Node(NODE_NAME, context=context)
         self._undecided: list[Topic] = []
-        self._subscriptions: list[tuple[str, Subscription]] = []
+        self._subscriptions: dict[str, tuple[Topic, Subscription]] = {}
         self._topics = robot.topics
         for topic in self._topics.values():
             if topic.other_type:
@@ -125,12 +127,11 @@ class Recorder:
     def unheard(self) -> list[str]:
         """One sentence for each topic that somebody publishes and of which nothing has come."""
         found = []
-        for msgtype, subscription in [*self._subscriptions]:
-            name = subscription.topic_name
+        for name, (topic, subscription) in [*self._subscriptions.items()]:
             infos = self._node.get_publishers_info_by_topic(name)
             if infos and not self.counts[name]:
                 sources = conversions.sources(infos, subscription)
-                reason = explain_silence(name, msgtype, sources) or "it is published, but silent"
+                reason = explain_silence(name, topic.type, sources) or "it is published, but silent"
                 found.append(f"{name} was not heard so far: {reason}.")
         return found
 
@@ -166,6 +167,9 @@ class Recorder:
     def _subscribe(self, topic: Topic) -> None:
         name = self._node.resolve_topic_name(topic.name)
         self._writer.add_topic(name, topic.type, [_bag_qos(topic)])
+        self._listen(name, topic)
+
+    def _listen(self, name: str, topic: Topic) -> None:
         subscription = self._node.create_subscription(
             message_type(topic.type),
             topic.name,
@@ -175,10 +179,24 @@ class Recorder:
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
-        self._subscriptions.append((topic.type, subscription))
+        self._subscriptions[name] = topic, subscription
 
     def _decide(self) -> None:
-        """Listen to topics that may have two types in the one that the graph knows."""
+        """Listen in the type that the graph knows, and ask for no more than what is offered.
+
+        What asks for more is not heard at all, as late messages of odometry that nobody keeps.
+        """
+        for name, (topic, subscription) in [*self._subscriptions.items()]:
+            offers = [i.qos_profile for i in self._node.get_publishers_info_by_topic(name)]
+            best_effort = any(o.reliability == ReliabilityPolicy.BEST_EFFORT for o in offers)
+            volatile = any(o.durability == DurabilityPolicy.VOLATILE for o in offers)
+            asked = replace(
+                topic, reliable=topic.reliable and not best_effort,
+                latched=topic.latched and not volatile,
+            )  # fmt: skip
+            if asked != topic:
+                self._node.destroy_subscription(subscription)
+                self._listen(name, asked)
         for topic in [*self._undecided]:
             name = self._node.resolve_topic_name(topic.name)
             infos = (
