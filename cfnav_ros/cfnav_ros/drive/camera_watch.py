@@ -36,6 +36,8 @@ class Crop:
 
 WHOLE = Crop()
 
+CHANGED = "camera_info speaks of another camera than before: end one of the two."
+
 
 def fitting(learnt: CameraSetUp, found: Pinhole) -> Crop | None:
     """The part of a robot's pictures that a policy's camera would show, None when there is none.
@@ -99,11 +101,17 @@ class CameraWatch:
         self._learnt = learnt if told else None
         self._found: Pinhole | None = None
         self._crop: Crop | None = WHOLE
-        self._fault = ""
+        self._fault = self._changed = ""
 
-    def tell(self, found: Pinhole) -> None:
-        """Take what ``camera_info`` says."""
-        if self._learnt is None or found == self._found:
+    def tell(self, found: Pinhole, driving: bool = False) -> None:
+        """Take what ``camera_info`` says; while the robot drives that may not change."""
+        if self._learnt is None:
+            return
+        if driving and self._found is not None:
+            self._changed = self._changed or CHANGED * (found != self._found)
+            return
+        self._changed = ""
+        if found == self._found:
             return
         self._found, self._crop = found, fitting(self._learnt, found)
         self._fault = other_camera(self._learnt, found)
@@ -127,8 +135,8 @@ class CameraWatch:
                     f"which it is cut to the view that the bundle learnt from ({learnt})."
                 )
             return frame
-        if crop is None:
-            return replace(frame, fault=self._fault)
+        if crop is None or self._changed:
+            return replace(frame, fault=self._changed or self._fault)
         if crop is WHOLE:
             return frame
         if not _shaped(frame, (found.width, found.height)):

@@ -17,6 +17,7 @@ from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.settings import setting
 from cfnav_core.task.camera import ASPECT_TOLERANCE
 from cfnav_core.task.pinhole import Pinhole
+from cfnav_ros.drive.camera_watch import CHANGED
 from cfnav_ros.drive.fields import FURTHEST_M, Claim
 from cfnav_ros.drive.inputs import CameraFrame
 from cfnav_ros.lidar.returns import Mount, Scan, malformed, points_around
@@ -142,7 +143,7 @@ class DetectionWatch:
         if self._told is None or not driving:
             self._camera, self._fault = self._sized(camera)
         elif camera != self._told and not self._fault:
-            self._fault = "camera_info speaks of another camera than before: end one of the two."
+            self._fault = CHANGED
         self._told = camera
 
     def _sized(self, camera: Pinhole) -> tuple[Pinhole, str]:

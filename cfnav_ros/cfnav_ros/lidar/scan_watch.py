@@ -16,7 +16,7 @@ from cfnav_ros.lidar.estimate import Estimate, Scan, SweptDisc, blind, estimate_
 from cfnav_ros.lidar.mounting import Mounting, OwnParts
 from cfnav_ros.lidar.returns import malformed
 from cfnav_ros.lidar.sweep import ErrorModel
-from cfnav_ros.robot.speakers import OneSpeaker, Speaker
+from cfnav_ros.robot.speakers import OneAfterAnother, Speaker
 from cfnav_ros.robot.stamps import FUTURE_S
 
 GRAPH_S = 0.2
@@ -118,19 +118,13 @@ class ScanWatch:
         self._same = b""
         self._same_since = 0.0
         self._before: np.ndarray | None = None
-        self._speaker = OneSpeaker("scans", "")
-        self._new_since = -math.inf
+        self._speakers = OneAfterAnother("scans", "", NEW_S)
         self._rivals = ""
         self.source = ""
 
     def publishers(self, now: float, speakers: Sequence[Speaker], met: int = 0) -> None:
         """Hear who publishes scans at a real time, seconds; ``met`` as in ``OneSpeaker.look``."""
-        found = self._speaker.look(speakers, met)
-        if found:
-            self._speaker.forget()  # whoever is left is new
-            self._new_since, self._rivals = now, found
-        elif now - self._new_since >= NEW_S:
-            self._rivals = ""
+        self._rivals = self._speakers.look(now, speakers, met)
 
     def scan(self, now: float, stamp: float, scan: Scan) -> tuple[Estimate, bool]:
         """Judge a scan that has just arrived.

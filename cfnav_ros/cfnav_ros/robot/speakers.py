@@ -7,6 +7,7 @@ only a name can be expected to stay.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -79,6 +80,30 @@ class OneSpeaker:
                 "cannot be told."
             )
         return ""
+
+
+class OneAfterAnother:
+    """The one publisher of a topic, and after a while of silence whoever takes its place."""
+
+    def __init__(self, topic: str, type: str, silence: float) -> None:
+        """Begin without one; ``silence`` is in real seconds, the rest as of ``OneSpeaker``."""
+        self._one, self._silence = OneSpeaker(topic, type), silence
+        self._new_since, self._rivals = -math.inf, ""
+
+    def look(self, now: float, speakers: Sequence[Speaker], met: int = 0) -> str:
+        """Why what is said now must not be believed, one sentence; else empty.
+
+        Args:
+            now: real time, seconds.
+            speakers: see ``OneSpeaker.look``.
+            met: see there.
+        """
+        if found := self._one.look(speakers, met):
+            self._one.forget()  # whoever is left is new
+            self._new_since, self._rivals = now, found
+        elif now - self._new_since >= self._silence:
+            self._rivals = ""
+        return self._rivals
 
 
 def _named(speaker: Speaker) -> str:

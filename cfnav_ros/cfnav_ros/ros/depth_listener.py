@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -13,6 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.topics import CLOUD
 from cfnav_ros.drive import fields
+from cfnav_ros.drive.diagnostics import Level, Report
 from cfnav_ros.lidar.depth_watch import DepthWatch
 from cfnav_ros.lidar.estimate import Estimate
 from cfnav_ros.ros.listener import Listener
@@ -65,20 +65,14 @@ class DepthListener:
         self._tell(self._watch.fault(now))
         return joined
 
-    def status(self, now: float) -> list[DiagnosticStatus]:
+    def reports(self, now: float) -> list[Report]:
         """The row of /diagnostics at node time now, seconds; none where the robot has no depth."""
         if not self._pictures:
             return []
         fault = self._watch.fault(now)
-        level = DiagnosticStatus.WARN if fault and self.arrives else DiagnosticStatus.OK
-        return [
-            DiagnosticStatus(
-                level=level,
-                name=f"{self._node.get_fully_qualified_name()}: depth",
-                message=(fault or "Depth sees.") if self.arrives else "not heard",
-                values=[KeyValue(key="known_fraction", value=f"{self._watch.known:.3f}")],
-            )
-        ]
+        level = Level.WARN if fault and self.arrives else Level.OK
+        seen = (fault or "Depth sees.") if self.arrives else "not heard"
+        return [Report("depth", level, seen, {"known_fraction": f"{self._watch.known:.3f}"})]
 
     def _tell(self, fault: str) -> None:
         """Say once when depth begins or ceases to show something new."""

@@ -3,8 +3,8 @@
 Run it with ``cfnav node detector``; its parameters are those of ``DetectorParameters``. A class is
 told by its name and a box in pixels of the picture; a message bears the stamp and the frame of the
 picture that it is about. A picture of which nothing is told gets an empty message; one that cannot
-be read, is of nothing at all (a covered lens), comes from a frozen camera or from one of two
-publishers gets none, so that whoever drives by it stops.
+be read, is of nothing at all (a covered lens), comes from a frozen camera, from one of two
+publishers or from a new one gets none, so that whoever drives by it stops.
 """
 
 from __future__ import annotations
@@ -29,12 +29,18 @@ from cfnav_ros.drive import fields
 from cfnav_ros.drive.diagnostics import Level, Rate, Report, Stopwatch
 from cfnav_ros.drive.inputs import SensorInputs, Tilt
 from cfnav_ros.drive.picture_watch import PictureWatch
+from cfnav_ros.robot.speakers import OneAfterAnother
 from cfnav_ros.ros import conversions
+from cfnav_ros.ros.listener import Listener
 from cfnav_ros.ros.node_process import run_node
 from cfnav_ros.ros.parameters import declare, named_robot
 from cfnav_ros.ros.topics import message_type, newest_only, publisher
 
 NAME = "detector_node"
+
+NEW_S = 4.0
+"""How long pictures of a new publisher are none, real seconds: a drive that saw by the camera
+before it ends meanwhile, as a second without detections stops the robot and two more end that."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +94,6 @@ class DetectorNode(Node):
         picture = robot.topics["image"]
         quality = newest_only(given.lock_step)
         kind = message_type(picture.type)
-        self._pictures = picture.name
         # Before pictures: of what waits together rclpy takes that of the first subscription first,
         # and a picture judged by the pose before its own looks like a frozen one later.
         self.create_subscription(
@@ -100,13 +105,14 @@ class DetectorNode(Node):
                 JointState, robot.topics["joint_states"].name, self._on_joints,
                 qos_profile_sensor_data,
             )  # fmt: skip
-        self.create_subscription(kind, picture.name, self._on_picture, quality)
+        self._pictures = Listener(self, kind, picture.name, self._on_picture, quality)
+        self._speakers = OneAfterAnother(self._pictures.topic, self._pictures.type, NEW_S)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._on_second, clock=steady)
         width, height = detector.size[::-1]
         self.get_logger().info(
             f"{Path(given.model).name} ({detector.head}, {width}x{height}, "
-            f"{len(detector.labels.names)} classes): {picture.name} -> "
+            f"{len(detector.labels.names)} classes): {self._pictures.topic} -> "
             f"{self._publisher.topic_name}."
         )
 
@@ -125,10 +131,8 @@ class DetectorNode(Node):
     def _on_picture(self, message: Image | CompressedImage) -> None:
         self._rate.note(time.monotonic())
         try:
-            if (speakers := self.count_publishers(self._pictures)) > 1:
-                raise ValueError(
-                    f"{self._pictures} has {speakers} publishers of pictures: end all but one."
-                )
+            if stranger := self._look_for_strangers():
+                raise ValueError(stranger)
             frame = conversions.frame_from_message(message)
             seen = self._watch.look(frame, self._odometry, self._tilt)
             if wrong := seen.fault or seen.waiting:
@@ -141,7 +145,14 @@ class DetectorNode(Node):
         self._fault = ""
         self._publisher.publish(conversions.detections_to_message(found, message.header))
 
+    def _look_for_strangers(self) -> str:
+        listener = self._pictures
+        stranger = self._speakers.look(time.monotonic(), listener.speakers(), listener.met)
+        listener.begin_anew()
+        return stranger
+
     def _on_second(self) -> None:
+        self._look_for_strangers()
         hz, (p50, p99) = self._rate.hz(time.monotonic()), self._times.percentiles_ms()
         fault = self._fault or ("" if hz else "No picture comes any more.")
         report = Report(

@@ -11,7 +11,6 @@ import time
 from functools import partial
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -21,6 +20,7 @@ from tf2_msgs.msg import TFMessage
 
 from cfnav_core.robot.topics import TOPICS, Topic
 from cfnav_ros.drive import fields
+from cfnav_ros.drive.diagnostics import Level, Report
 from cfnav_ros.lidar.depth_watch import DepthWatch
 from cfnav_ros.lidar.diagnostics import ScanStats
 from cfnav_ros.lidar.estimate import Estimate, Verdict, blind
@@ -35,11 +35,7 @@ from cfnav_ros.ros.topics import publisher, quality
 
 NAME = "lidar_collision_node"
 
-LEVELS = {
-    Verdict.GOOD: DiagnosticStatus.OK,
-    Verdict.DEGRADED: DiagnosticStatus.WARN,
-    Verdict.BLIND: DiagnosticStatus.ERROR,
-}
+LEVELS = {Verdict.GOOD: Level.OK, Verdict.DEGRADED: Level.WARN, Verdict.BLIND: Level.ERROR}
 
 
 class LidarCollisionNode(Node):
@@ -153,15 +149,11 @@ class LidarCollisionNode(Node):
         values = self._stats.values(
             self._last, self._watch.age(now.nanoseconds * 1e-9), self._watch.source
         )
-        status = DiagnosticStatus(
-            level=LEVELS[self._last.verdict],
-            name=f"{self.get_fully_qualified_name()}: LiDAR",
-            message=self._last.reason or "The LiDAR sees.",
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
-        array = DiagnosticArray(status=[status, *self._depth.status(now.nanoseconds * 1e-9)])
-        array.header.stamp = now.to_msg()
-        self._diagnostics.publish(array)
+        seen = self._last.reason or "The LiDAR sees."
+        lidar = Report("LiDAR", LEVELS[self._last.verdict], seen, values)
+        reports = [lidar, *self._depth.reports(now.nanoseconds * 1e-9)]
+        name = self.get_fully_qualified_name()
+        self._diagnostics.publish(conversions.diagnostics(reports, name, now.to_msg()))
 
     def _publish(self, estimate: Estimate, stamp: Time) -> None:
         self._publisher.publish(conversions.estimate_to_message(estimate, stamp, self._base_frame))

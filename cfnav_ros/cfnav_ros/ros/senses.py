@@ -258,7 +258,7 @@ class Senses:
     def _on_camera(self, message: CameraInfo) -> None:
         self.heard.add("camera info")
         camera = fields.pinhole_from_message(message)
-        self._camera.tell(camera)
+        self._camera.tell(camera, self._drives)
         if self._detections:
             self._detections.tell(camera, self._drives)
 
@@ -281,7 +281,7 @@ class Senses:
     def _on_hazards(self, message: HazardDetectionVector) -> None:
         # A stranger may say that the bumper is pressed, but not that it is free; and what the base
         # says of it meanwhile comes only once.
-        if self._rivaled("hazards") and not fields.bumper_from_message(message).pressed:
+        if self._rivaled("hazards") and not fields.bumper_from_message(message):
             return
         self.heard.add("hazards")
         self._take("bumper", fields.bumper_from_message, message)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from cfnav_ros.drive.camera_watch import WHOLE, CameraWatch, fitting, other_camera
+from cfnav_ros.drive.camera_watch import CHANGED, WHOLE, CameraWatch, fitting, other_camera
 from cfnav_ros.drive.inputs import CameraFrame
 
 from cfnav_core.task.camera import CAMERAS, MAST
@@ -123,6 +124,18 @@ def test_another_camera_that_is_meant_is_whole_and_a_wider_one_is_cut_all_the_sa
     assert meant.see(picture) is picture
     meant.tell(FOUR_THIRDS)
     assert meant.see(frame(300, 400)).width == 300
+
+
+def test_a_camera_that_changes_in_a_drive_is_a_fault_until_the_next() -> None:
+    watch = CameraWatch(MAST, told=True)
+    picture = frame(300, 400)
+    watch.tell(FOUR_THIRDS, driving=True)
+    assert not watch.see(picture).fault  # the first word of it
+    for found in (replace(FOUR_THIRDS, fx=0.0, fy=0.0), FOUR_THIRDS):
+        watch.tell(found, driving=True)
+        assert watch.see(picture).fault == CHANGED
+    watch.tell(FOUR_THIRDS)  # between drives its driver may have been started again
+    assert not watch.see(picture).fault
 
 
 def test_a_camera_info_of_other_pictures_cuts_none() -> None:

@@ -178,7 +178,7 @@ def test_while_two_send_pictures_nothing_is_told(camera: Camera) -> None:
     stranger = camera.node.create_publisher(Image, camera.pictures.topic_name, 1)
     stamps = itertools.count(21)
     camera.wait(
-        lambda: any("has 2 publishers" in s.message for told in camera.told for s in told.status),
+        lambda: any("2 nodes publish /" in s.message for told in camera.told for s in told.status),
         "a sentence about the other one",
         lambda: stranger.publish(picture(next(stamps))),
     )
@@ -189,6 +189,23 @@ def test_while_two_send_pictures_nothing_is_told(camera: Camera) -> None:
     camera.wait(lambda: camera.told, "its next report")
     assert len(camera.found) == seen
     camera.node.destroy_publisher(stranger)
+    camera.show(picture(next(stamps)))
+
+
+def test_of_another_camera_in_its_place_nothing_is_told_until_a_drive_has_ended(
+    camera: Camera,
+) -> None:
+    camera.show(picture(20))
+    topic = camera.pictures.topic_name
+    camera.node.destroy_publisher(camera.pictures)
+    camera.pictures = camera.node.create_publisher(Image, topic, 10)
+    stamps = itertools.count(21)
+    camera.wait(
+        lambda: any("another" in s.message for told in camera.told for s in told.status),
+        "a sentence about the other one",
+        lambda: camera.pictures.publish(picture(next(stamps))),
+    )
+    assert all(said.header.stamp.sec <= 20 for said in camera.found)
     camera.show(picture(next(stamps)))
 
 

@@ -356,22 +356,22 @@ def test_one_who_has_left_cannot_free_the_bumper_but_press_it(node, other):
 
     spin_until(node, heard, "the base's word")  # that it is listened to does not say by both sides
     base.publish(bump("front"))
-    spin_until(node, lambda: senses.inputs.bumper.pressed, "the bump")
+    spin_until(node, lambda: senses.inputs.bumper, "the bump")
     senses.restart()
     senses.hold()
     say_once_and_leave(other, "hazard_detection", bump())
     wait_until(lambda: node.count_publishers("hazard_detection") == 1, "the stranger to be gone")
     spin_until(node, lambda: senses.inputs.rival, "the stranger's words to be read")
-    assert senses.inputs.bumper.pressed
+    assert senses.inputs.bumper
     senses.release()
     senses.look_for_rivals()
-    assert senses.inputs.bumper.pressed
+    assert senses.inputs.bumper
     assert "hazards" not in senses.heard
     wait_until(base.get_subscription_count, "the node to listen again")
 
     def freed():
         base.publish(bump())
-        return not senses.inputs.bumper.pressed
+        return not senses.inputs.bumper
 
     spin_until(node, freed, "the base's own word")
 
