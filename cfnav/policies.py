@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +17,14 @@ from cfnav_core.policy.bundle import BundleHead, find_bundle
 from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.metrics import paired_text
 from cfnav_core.task.p_hat import TESTED
+
+FIGURES = (
+    "command", "episodes", "sr", "spl", "cf_sr", "cf_spl", "cf_sr_interval",
+    "collisions_per_episode",
+)  # fmt: skip
+EVALUATED = (*FIGURES, "scenes", "episodes_identity", "cf_sr_by_goal")
+DRIVEN = (*FIGURES, "rooms", "veto", "speed", "commits")
+"""What the card of a bundle reads in the JSON of its figures, and of its drives."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +107,9 @@ class Export:
         """Export."""
         from cfnav_core.learn.export import export_bundle
 
-        metrics = json.loads(self.metrics.read_text()) if self.metrics else {}
+        metrics = _figures(self.metrics, EVALUATED, "cfnav evaluate") if self.metrics else {}
         if self.live:
-            metrics["live"] = json.loads(self.live.read_text())
+            metrics["live"] = _figures(self.live, DRIVEN, "python -m studies.live.live_results")
         export_bundle(
             self.checkpoint, self.perception, self.out, self.name, metrics, self.commands, self.also
         )
@@ -119,6 +128,22 @@ class Info:
         """Print the bundle's head."""
         head = BundleHead.load(find_bundle(self.bundle))
         print(head.text)
+
+
+def _figures(path: Path, keys: Sequence[str], command: str) -> dict[str, Any]:
+    """Figures as a command writes them.
+
+    Raises:
+        ValueError: the file has others, or is none.
+    """
+    try:
+        found = json.loads(path.read_text())
+    except ValueError as error:
+        raise ValueError(f"found no JSON in {path} ({error}); expected that of {command}") from None
+    lacking = [key for key in keys if not isinstance(found, dict) or key not in found]
+    if lacking:
+        raise ValueError(f"found no {', '.join(lacking)} in {path}; expected the JSON of {command}")
+    return dict(found)
 
 
 def _print(policy: Path, f: dict[str, Any]) -> None:

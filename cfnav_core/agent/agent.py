@@ -53,8 +53,11 @@ def new_agent(
     inputs: ObservationSpec,
     knowledge: Knowledge,
     device: torch.device | str = "cpu",
+    learns: bool = True,
 ) -> Agent:
     """Networks with fresh weights, drawn on the CPU so that they are the same on every device.
+
+    One that only acts, ``learns`` false, has no tables of rewards.
 
     Raises:
         ValueError: an unknown name, knowledge that is missing, or no encoder to share.
@@ -69,7 +72,7 @@ def new_agent(
     reward = config.reward or model.reward
     if config.listening:
         model = Listening(model)
-    tables = RewardTables.of(reward, knowledge).to(torch.device(device))
+    tables = RewardTables.of(reward if learns else "", knowledge).to(torch.device(device))
     return Agent(model.to(device), predictor.to(device), REWARDS[reward], tables)
 
 
@@ -98,7 +101,7 @@ class TrainedAgent:
         inputs = ObservationSpec.read(head["inputs"])
         tables = {k: v.numpy() for k, v in tensors.items() if k.startswith("knowledge.")}
         knowledge = Knowledge(**{k.removeprefix("knowledge."): v for k, v in tables.items()})
-        agent = new_agent(RunConfig.read(head["config"]), inputs, knowledge)
+        agent = new_agent(RunConfig.read(head["config"]), inputs, knowledge, learns=False)
         load_module(checkpoint, "model", agent.model, tensors)
         load_module(checkpoint, "predictor", agent.predictor, tensors)
         agent.model.eval()

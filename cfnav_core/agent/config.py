@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -140,10 +141,15 @@ class TrainOptions:
             "stage1_most": (self.stage1_most, 0), "stage1_rise": (self.stage1_rise, 0),
             "stage1_patience": (self.stage1_patience, 1),
             "checkpoint_s": (self.checkpoint_s, 0), "threads": (self.threads, 1),
-            "workers": (self.workers, 0),
+            "workers": (self.workers, 0), "seed": (self.run.seed, 0),
+            "value_weight": (hp.value_weight, 0), "entropy_weight": (hp.entropy_weight, 0),
         }  # fmt: skip
-        for name, (found, expected) in least.items():
-            if not found >= expected:
-                raise ValueError(
-                    f"found --{name.replace('_', '-')} {found}, expected at least {expected}"
-                )
+        shares = {"gamma": hp.gamma, "gae_lambda": hp.gae_lambda}
+        positive = {"lr": hp.lr, "max_grad_norm": hp.max_grad_norm}
+        wrong = [
+            *((n, f, f"at least {e}") for n, (f, e) in least.items() if not e <= f < math.inf),
+            *((n, f, "0 to 1") for n, f in shares.items() if not 0 <= f <= 1),
+            *((n, f, "more than 0") for n, f in positive.items() if not 0 < f < math.inf),
+        ]
+        for name, found, expected in wrong:
+            raise ValueError(f"found --{name.replace('_', '-')} {found}, expected {expected}")

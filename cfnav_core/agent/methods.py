@@ -28,9 +28,9 @@ class Stage:
     @property
     def p_hat(self) -> PHat:
         """What the policy is given."""
-        if self.feed_truth:
-            return "true"
-        return "own" if self.feed_prediction else "zero"
+        if not self.feed_prediction:
+            return "zero"
+        return "true" if self.feed_truth else "own"
 
     @property
     def predicts_for_nobody(self) -> bool:

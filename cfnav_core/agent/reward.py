@@ -92,7 +92,7 @@ class RewardTables:
 
     @classmethod
     def of(cls, reward: str, knowledge: Knowledge) -> RewardTables:
-        """The tables that a row of ``REWARDS`` reads; those that it does not read are empty.
+        """The tables that a row of ``REWARDS`` reads, of "" none; the others are empty.
 
         Raises:
             ValueError: knowledge lacks what it reads.

@@ -31,17 +31,26 @@ def writing(path: Path) -> Iterator[None]:
 def whole(path: Path) -> Iterator[Path]:
     """Give a name beside ``path`` to make a file or folder at; it takes its place at the end.
 
-    When the block fails, what was at ``path`` stays and what was begun is removed.
+    When the block fails, what was at ``path`` stays and what was begun is removed. A folder steps
+    aside for the new one; a kill between the two is mended by the next call.
     """
-    partial = path.with_name(path.name + ".partial")
+    partial, old = (path.with_name(path.name + ending) for ending in (".partial", ".old"))
+    if old.exists() and not path.exists():
+        old.replace(path)
     remove(partial)
     try:
         yield partial
-        if partial.is_dir():
-            remove(path)
+        if partial.is_dir() and path.exists():
+            remove(old)
+            path.replace(old)
         partial.replace(path)
+    except BaseException:
+        if old.exists() and not path.exists():
+            old.replace(path)
+        raise
     finally:
         remove(partial)
+    remove(old)
 
 
 def write_file(path: Path, content: bytes | str) -> None:

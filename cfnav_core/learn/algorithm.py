@@ -144,7 +144,7 @@ class Predictions:
         known = Known(
             zero=torch.zeros(env.batch, device=env.device),
             own=partial(self._predict, features),
-            truth=env.blocked.float() if self._stage.feed_truth else None,
+            truth=env.blocked.float() if self._stage.p_hat == "true" else None,
         )
         given: Tensor = make_p_hat(self._stage.p_hat, known)
         return given[:, None]
@@ -229,7 +229,7 @@ def collect_rollout(
         reward = _reward(env, agent, memory, stage, before, action, outcome)
         memory.previous_action = F.one_hot(action, NUM_ACTIONS).float()
         r.add(log_pi, action, value, reward, outcome, env.collisions)
-        if stage.feed_truth:
+        if stage.p_hat == "true":
             p_hat = env.blocked[:, None].float()  # for V of the state that was reached
         reached.add(outcome.truncated, env, memory, p_hat)
         env.restart(outcome.ended)

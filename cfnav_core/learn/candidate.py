@@ -87,14 +87,14 @@ class Candidate:
             further = len(trained.head.get("further", ()))
             if further:
                 learnt = _Wider(learnt, further)
-            what = {"checkpoint": str(path), **_origin(trained.head)}
+            what = {"checkpoint": str(path), **origin(trained.head)}
             inputs, made_by = trained.inputs, trained.head["perception"]
             goals, sightings = tuple(trained.head["goals"]), inputs.fields == SIGHTINGS
             objects = inputs.objects[: len(inputs.objects) - further]
             return cls(learnt, made_by, objects, goals, what, sightings)
         folder = find_bundle(path)
         head = BundleHead.load(folder)
-        sightings, what = head.reads_sightings, {"bundle": str(path), **_origin(head.training)}
+        sightings, what = head.reads_sightings, {"bundle": str(path), **origin(head.training)}
         perception = "" if sightings else eyes_of(folder, head).identity
         networks: Networks = OnnxNetworks(folder, head)
         if head.further:
@@ -103,7 +103,8 @@ class Candidate:
         return cls(networks, perception, objects, head.goals, what, sightings)
 
 
-def _origin(head: dict[str, Any]) -> dict[str, Any]:
+def origin(head: dict[str, Any]) -> dict[str, Any]:
+    """What tells the training of a checkpoint or a bundle from others, of its head."""
     config = head["config"]
     name = config["model"]
     # a bundle may be another version's

@@ -322,7 +322,8 @@ def evaluate(
     results = run_episodes(
         candidate.networks, bank, drawn, seed if sample else None, kind, lidar, veto, trace
     )
-    return Evaluation(candidate.what, candidate.goals, bank, drawn, results, trace)
+    what = {**candidate.what, "sample": sample, "p_hat": kind, "veto": veto}
+    return Evaluation(what, candidate.goals, bank, drawn, results, trace)
 
 
 def paired_difference(a: Evaluation, b: Evaluation) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from cfnav_core.detect.sightings import SightingEyes
 from cfnav_core.files.checkpoint import load_tensors, save_tensors
 from cfnav_core.files.provenance import sha256
 from cfnav_core.files.whole import whole, writing
+from cfnav_core.learn.candidate import origin
 from cfnav_core.learn.further import with_further
 from cfnav_core.learn.model_card import model_card
 from cfnav_core.models.base import ModelInput, NavModel, ObservationSpec
@@ -52,8 +53,8 @@ def export_bundle(
     Raises:
         CheckpointError: the checkpoint is damaged or of another network.
         PerceptionError: the perception network is unusable.
-        ValueError: another perception than it was trained with, none where it needs one, or
-            ``out`` is no bundle.
+        ValueError: another perception than it was trained with, none where it needs one, figures
+            of another policy, or ``out`` is no bundle.
         WriteError: the disk is full or refuses; what was there before stays whole.
     """
     if out.exists() and not (out / "bundle.json").exists():
@@ -69,6 +70,7 @@ def _export_bundle(
 ) -> BundleHead:  # fmt: skip
     trained = TrainedAgent.load(checkpoint)
     head, inputs = trained.head, trained.inputs
+    _check_figures(metrics or {}, origin(head), checkpoint)
     gives = _percept(trained, checkpoint, perception)
     with writing(out), whole(out) as partial:
         partial.mkdir(parents=True)
@@ -121,6 +123,20 @@ def _percept(trained: TrainedAgent, checkpoint: Path, path: Path | None) -> Perc
             f"{expected}; give that one"
         )
     return observer.gives
+
+
+def _check_figures(metrics: dict[str, Any], own: dict[str, Any], checkpoint: Path) -> None:
+    """See that figures are those of the policy beside which they are to stand.
+
+    Raises:
+        ValueError: they are another one's.
+    """
+    for key, value in own.items():
+        if metrics.get(key, value) != value:
+            raise ValueError(
+                f"found figures of a policy with {key} {metrics[key]} for {checkpoint} with "
+                f"{value}; give those of this one (cfnav evaluate)"
+            )
 
 
 def _check_blind(network: Path, checkpoint: Path) -> None:

@@ -97,14 +97,19 @@ def _stage1(training: dict[str, Any]) -> str:
 
 
 def _foresight(training: dict[str, Any]) -> str:
-    """How good the predictor was when it was frozen."""
+    """How good the predictor was, and when: only the rule judges it when it is frozen."""
     stage1 = training.get("stage1", {})
     if not stage1.get("aucs"):
         return ""
-    episodes, auc = stage1["frozen"] or stage1["aucs"][-1]
+    if frozen := stage1["frozen"]:
+        return (
+            f" The predictor learned from {frozen[0]:,.0f} episodes; its AUC at MoveAheads in the "
+            f"validation rooms was {frozen[1]:.3f} when it was frozen."
+        )
+    episodes, auc = stage1["aucs"][-1]
     return (
-        f" The predictor learned from {episodes:,.0f} episodes; its AUC at MoveAheads in the "
-        f"validation rooms was {auc:.3f} when it was frozen."
+        f" At the last validation of stage one, after {episodes:,.0f} episodes, the predictor's "
+        f"AUC at MoveAheads in the validation rooms was {auc:.3f}."
     )
 
 
@@ -139,8 +144,8 @@ def _measured(head: BundleHead) -> list[str]:
         "### Tensor environment",
         "",
         f"Test rooms {_rooms(m['scenes'])}, {m['episodes']} frozen episodes "
-        f"(identity `{m['episodes_identity']}`), argmax, one training seed. Intervals are 95 % "
-        "over rooms, not over seeds.",
+        f"(identity `{m['episodes_identity']}`), {_acting(m)}, one training seed. Intervals "
+        "are 95 % over rooms, not over seeds.",
         "",
         *_TABLE,
         *rows,
@@ -163,6 +168,13 @@ def _measured(head: BundleHead) -> list[str]:
     by_goal = sorted(m["cf_sr_by_goal"].items(), key=lambda row: -row[1]["cf_sr"])
     lines += [f"| {g} | {row['cf_sr']:.2f} | {row['episodes']} |" for g, row in by_goal]
     return lines + (_live(head.name, m["live"]) if "live" in m else [])
+
+
+def _acting(m: dict[str, Any]) -> str:
+    """How it acted there; older figures do not say, and are of the most probable action."""
+    p_hat, actions = m.get("p_hat", "own"), "drawn actions" if m.get("sample") else "argmax"
+    heard = {"own": "", "zero": ", without p_hat"}.get(p_hat, f", p_hat {p_hat}")
+    return actions + heard + (", the LiDAR may forbid a MoveAhead" if m.get("veto") else "")
 
 
 def _live(name: str, m: dict[str, Any]) -> list[str]:
@@ -213,10 +225,13 @@ def _row(name: str, m: dict[str, Any]) -> str:
 def _rooms(names: list[str]) -> str:
     """``kitchen 20, 22-25; bedroom 3`` and so on."""
     seeds: dict[str, list[int]] = {}
+    others = [name for name in names if ":" not in name]  # of published data
     for name in names:
-        kind, seed = name.split(":")
-        seeds.setdefault(kind, []).append(int(seed))
-    return "; ".join(f"{kind} {', '.join(_runs(its))}" for kind, its in seeds.items())
+        kind, colon, seed = name.partition(":")
+        if colon:
+            seeds.setdefault(kind, []).append(int(seed))
+    ours = [f"{kind} {', '.join(_runs(its))}" for kind, its in seeds.items()]
+    return "; ".join([*ours, *others])
 
 
 def _runs(seeds: list[int]) -> list[str]:

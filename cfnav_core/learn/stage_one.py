@@ -77,10 +77,12 @@ def rule_of(options: TrainOptions, method: Method) -> Rule:
             f"found --stage1-most with {options.workers} asynchronous workers, which go on "
             "learning while a validation judges; leave out one of them"
         )
-    if method.stage2.train_predictor or not method.stage1.predicts_for_nobody:
+    alone = method.stage1.predicts_for_nobody and not method.shared_encoder
+    if method.stage2.train_predictor or not alone:
         raise ValueError(
             f"found --stage1-most with method {options.run.method}, expected one whose predictor "
-            "learns in stage one alone and is read by nobody there, such as ours; leave it out"
+            "learns in stage one alone, by its own encoder, and is read by nobody there, such as "
+            "ours; leave it out"
         )
     return most, options.stage1_rise, options.stage1_patience
 

@@ -47,6 +47,10 @@ class Execution(Protocol):
         """
         ...
 
+    def still(self) -> AbstractContextManager[None]:
+        """Within it the weights of the run do not change."""
+        ...
+
     def carried(self) -> dict[str, Tensor]:
         """What it goes on from besides weights and optimizers; all ranks call it at once."""
         ...
@@ -79,6 +83,10 @@ class Synchronous:
                 "ones begin, and the run ends other than one that never stopped",
                 file=sys.stderr,
             )
+
+    def still(self) -> AbstractContextManager[None]:
+        """They change in ``round`` alone."""
+        return nullcontext()
 
     def carried(self) -> dict[str, Tensor]:
         """See ``carried.carried``."""
@@ -152,8 +160,10 @@ def _rounds(run: Run, execution: Execution, told: list[int]) -> None:
     saved = since = time.monotonic()
     while True:
         if validated := run.validation_due:
-            _validate(run, bar)
-            since = time.monotonic()
+            with execution.still():
+                _validate(run, bar)
+            if not options.workers:  # who learn on meanwhile
+                since = time.monotonic()
         else:
             progress.border = False
         ended = run.episodes >= run.total

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 EPS = 1e-3
 ROUND_S = 0.5
+LOOK_S = 0.01
+"""Between looks of a worker whether stage two may begin."""
 END_S = 60.0
 """A worker that is still busy this long after the end is killed."""
 NOT_FINITE = 3
@@ -135,12 +137,14 @@ class Shared:
         counts: float64 [workers + 1, 6], by ``COUNTED``: each worker adds to its own row; the last
             is what was there before.
         stop: bool [], the run is to end.
+        second: bool [], stage two may begin: what stage one has learnt is kept.
     """
 
     policy: SharedWeights
     predictor: SharedWeights
     counts: Tensor
     stop: Tensor
+    second: Tensor
 
     @property
     def episodes(self) -> float:
@@ -171,7 +175,10 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
     )
     total = hp.stage1_episodes + hp.stage2_episodes
     while shared.episodes < total and not shared.stop and _parent_lives():
-        stage = method.stage1 if shared.episodes < hp.stage1_episodes else method.stage2
+        if shared.episodes >= hp.stage1_episodes and not shared.second:
+            time.sleep(LOOK_S)
+            continue
+        stage = method.stage2 if shared.second else method.stage1
         policy.fetch()
         predictor.fetch()
         done = learner.gradients(stage)
@@ -222,9 +229,9 @@ class Workers:
         count = run.options.workers
         counts = torch.zeros(count + 1, len(COUNTED), dtype=torch.float64).share_memory_()
         counts[count, 0], counts[count, 4] = run.episodes, run.steps
-        stop = torch.zeros((), dtype=torch.bool).share_memory_()
+        stop, second = (torch.zeros((), dtype=torch.bool).share_memory_() for _ in range(2))
         weights = [SharedWeights.taken_from(o) for o in (run.optimizer, run.predictor_optimizer)]
-        self.shared = Shared(weights[0], weights[1], counts, stop)
+        self.shared = Shared(weights[0], weights[1], counts, stop, second)
         self.before = counts.sum(0)
         self.processes: list[Any] = []
 
@@ -260,6 +267,7 @@ class Workers:
 
     def round(self) -> dict[str, float]:
         """See ``train.Execution``."""
+        self.shared.second.fill_(self.run.episodes >= self.run.hp.stage1_episodes)
         time.sleep(ROUND_S)
         for number, process in enumerate(self.processes):
             if process.exitcode == NOT_FINITE:
@@ -276,6 +284,19 @@ class Workers:
         figures = dict(zip(COUNTED, change, strict=True))
         del figures["steps"]
         return figures
+
+    @contextmanager
+    def still(self) -> Iterator[None]:
+        """See ``train.Execution``: the leader has a copy of the weights, workers go on."""
+        own = [p for parameters in self.run.agent.parameters() for p in parameters]
+        shared = [p.data for p in own]
+        for parameter in own:
+            parameter.data = parameter.data.clone()
+        try:
+            yield
+        finally:
+            for parameter, weights in zip(own, shared, strict=True):
+                parameter.data = weights
 
     def carried(self) -> dict[str, Tensor]:
         """Nothing: each worker begins a new episode."""

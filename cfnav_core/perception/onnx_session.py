@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import onnxruntime as ort
 from onnxruntime.capi import onnxruntime_pybind11_state as state
@@ -19,7 +21,24 @@ _ERRORS = (
 )
 
 
-def open_session(network: Path | bytes, threads: int = 1) -> ort.InferenceSession:
+class Session(ort.InferenceSession):
+    """A network that is open."""
+
+    def run(
+        self, outputs: Sequence[str] | None, inputs: dict[str, Any], options: Any = None
+    ) -> Any:
+        """Answer inputs by name with the outputs of these names, all when None.
+
+        Raises:
+            ValueError: they are of another type or shape than it takes, or it cannot compute them.
+        """
+        try:
+            return super().run(outputs, inputs, options)
+        except _ERRORS as error:
+            raise ValueError(str(error)) from error
+
+
+def open_session(network: Path | bytes, threads: int = 1) -> Session:
     """Open a network.
 
     Args:
@@ -34,6 +53,6 @@ def open_session(network: Path | bytes, threads: int = 1) -> ort.InferenceSessio
     options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
-        return ort.InferenceSession(network, options, providers=["CPUExecutionProvider"])
+        return Session(network, options, providers=["CPUExecutionProvider"])
     except _ERRORS as error:
         raise ValueError(str(error)) from error

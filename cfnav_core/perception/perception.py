@@ -186,6 +186,11 @@ class OnnxPerception:
                 f"found inputs {inputs} and outputs {outputs} in {path}, expected pictures uint8 "
                 "[n, H, W, 3] and features [n, ...] of fixed size"
             )
+        if isinstance(taken[0], int):
+            raise PerceptionError(
+                f"found a network in {path} that takes {taken[0]} pictures at a time, expected any "
+                "number: export it with an axis of that name (torch.onnx.export, dynamic_axes)"
+            )
         text = self._session.get_modelmeta().custom_metadata_map.get(METADATA)
         table = outputs.get("detections", ())
         try:

@@ -8,6 +8,8 @@ horizon 0 is level, and each further one looks further down, as its camera says.
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +34,7 @@ SCENE = "scene.json"
 """Who made it with what, and the SHA-256 of every array."""
 
 PICTURES = "pictures.npy"
-"""Optional beside the arrays: uint8 [S, 150, 150, 3], to make the features again from."""
+"""Optional beside the arrays: uint8 [S, H, W, 3], to make the features again from."""
 
 SCANS = "scans.npy"
 """Optional: float32 [P, 8, N], what a LiDAR measures at each position and heading, metres."""
@@ -116,7 +118,7 @@ class OfflineScene:
             self._write(partial)
             for kept in (folder / PICTURES, note_of(folder / PICTURES)):
                 if kept.exists():
-                    kept.replace(partial / kept.name)
+                    _link(kept, partial / kept.name)
 
     def _write(self, folder: Path) -> None:
         for key in ARRAYS:
@@ -311,3 +313,11 @@ def metres_to(
     weights = np.r_[length, np.ones(len(goals))]
     graph = csr_array((weights, (rows, columns)), (n + 1, n + 1))
     return dijkstra(graph, indices=n)[:n] - 1.0
+
+
+def _link(file: Path, name: Path) -> None:
+    """Give a file another name, or a copy that name where the file system has no links."""
+    try:
+        os.link(file, name)
+    except OSError:
+        shutil.copyfile(file, name)

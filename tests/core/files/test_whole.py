@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cfnav_core.files.json_file import write_json
-from cfnav_core.files.whole import WriteError
+from cfnav_core.files.whole import WriteError, whole
 from cfnav_core.knowledge.files import KnowledgeHead, load_knowledge, save_knowledge
 from cfnav_core.models.base import Knowledge
 from cfnav_core.perception.picture_set import PictureSet
@@ -62,3 +63,41 @@ def test_a_full_disk_keeps_what_was_there(write, tmp_path):
     write(path, 20)
     assert READ[write](path) == 20
     assert [p.name for p in path.parent.iterdir()] == ["out"]
+
+
+def folder_of(path, text):
+    path.mkdir()
+    (path / "file").write_text(text)
+    return path
+
+
+def test_a_folder_is_whole_whenever_it_is_interrupted(tmp_path, monkeypatch):
+    path, replace = folder_of(tmp_path / "out", "old"), Path.replace
+
+    def interrupted(self, target):
+        if self.suffix == ".partial":
+            raise KeyboardInterrupt
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt), whole(path) as partial:
+        folder_of(partial, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+    assert (path / "file").read_text() == "old"
+
+
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_folder_that_stepped_aside_when_it_was_killed_comes_back(tmp_path, fails):
+    path = tmp_path / "out"
+    folder_of(tmp_path / "out.old", "old")
+    folder_of(tmp_path / "out.partial", "new")
+    try:
+        with whole(path) as partial:
+            folder_of(partial, "newer")
+            assert (path / "file").read_text() == "old"
+            if fails:
+                raise ValueError
+    except ValueError:
+        assert fails
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+    assert (path / "file").read_text() == ("old" if fails else "newer")

@@ -106,6 +106,11 @@ def test_truth_is_told_before_the_step():
     assert torch.equal(collided, ahead & told)
 
 
+def test_the_true_flag_is_given_only_where_p_hat_is():
+    assert Stage(feed_truth=True).p_hat == "zero"
+    assert Stage(feed_truth=True, feed_prediction=True).p_hat == "true"
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_stage_rules(name):
     """p_hat and predictor as the method's stages say; r_c and shaping as the table says."""

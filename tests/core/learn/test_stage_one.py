@@ -12,6 +12,7 @@ import pytest
 import torch
 
 from cfnav_core.agent.config import Hyperparameters, RunConfig, TrainOptions
+from cfnav_core.agent.methods import PREDICT, Method, Stage
 from cfnav_core.files.checkpoint import CheckpointError, load_tensors
 from cfnav_core.learn.env import SceneBank
 from cfnav_core.learn.evaluate import Trace
@@ -22,6 +23,9 @@ from cfnav_core.learn.train import train
 from cfnav_core.models.size import ModelSize
 from cfnav_core.task.actions import Action
 from tests.core.worlds import hall, two_halls
+
+SHARED = Method(PREDICT, Stage(feed_prediction=True), shared_encoder=True)
+"""Its predictor reads the policy's own encoder, and would take that back with it."""
 
 
 @pytest.fixture(scope="module")
@@ -180,6 +184,7 @@ def test_a_run_keeps_its_rule(scenes, tmp_path):
         ({"method": "cp_only"}, "found --stage1-most with method cp_only"),
         ({"stage1_patience": 0}, "found --stage1-patience 0, expected at least 1"),
         ({"stage1_rise": -0.1}, "found --stage1-rise -0.1, expected at least 0"),
+        ({"method": f"{__file__}:SHARED"}, "found --stage1-most with method .*SHARED, expected"),
     ],
 )
 def test_a_rule_that_makes_no_sense(scenes, tmp_path, changes, sentence):

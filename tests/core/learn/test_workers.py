@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from cfnav_core.learn.env import SceneBank
 from cfnav_core.learn.run import Run
 from cfnav_core.learn.run_files import BEST, CHECKPOINT, STAGE1
 from cfnav_core.learn.train import train
-from cfnav_core.learn.workers import EPS, Copy, Workers
+from cfnav_core.learn.workers import EPS, LOOK_S, Copy, Workers
 from cfnav_core.models.size import ModelSize
 from tests.conftest import DEADLINE_S, wait_until
 from tests.core.worlds import hall
@@ -80,6 +81,34 @@ def test_every_worker_steps_the_same_weights_as_adam_does(options):
     expected = reference.state[next(iter(plain.model.parameters()))]
     for key, value in row.items():
         torch.testing.assert_close(value, expected[key])
+
+
+def test_what_is_judged_is_what_is_saved_while_workers_go_on(options):
+    workers = Workers(Run(options))
+    weight = next(workers.run.model.parameters())
+    with workers.still():
+        before = weight.clone()
+        workers.shared.policy.weights.add_(1.0)
+        assert torch.equal(weight, before)
+    assert torch.equal(weight, before + 1.0)
+
+
+def test_no_worker_begins_stage_two_before_stage_one_is_kept(options):
+    with Workers(Run(options)) as workers:
+        episodes = options.run.hyperparameters.stage1_episodes
+        wait_until(lambda: workers.shared.episodes >= episodes, "the end of stage one")
+        wait_until(lambda: sleeps(workers), "the workers to wait, or to have ended")
+        assert workers.shared.episodes < 300
+        workers.run.episodes = int(workers.shared.episodes)
+        workers.round()
+        wait_until(lambda: workers.shared.episodes >= 300, "stage two")
+
+
+def sleeps(workers: Workers) -> bool:
+    """Whether nothing was counted for longer than a worker waits before it looks again."""
+    before = workers.shared.counts.clone()
+    time.sleep(30 * LOOK_S)
+    return torch.equal(workers.shared.counts, before)
 
 
 def test_a_checkpoint_brings_back_weights_and_optimizer(options):

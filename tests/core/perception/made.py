@@ -18,7 +18,7 @@ SMALL = CameraSetUp(0.0, 0.3, (60.0, 42.1), (96, 64), (0.0,))
 """A camera of small pictures, wider than high."""
 
 
-def colour_maps(path: Path, cell: int = 8) -> Path:
+def colour_maps(path: Path, cell: int = 8, at_once: str | int = "n") -> Path:
     """A perception of pictures 32x24 to which red shows an Apple and blue a Mug, and where."""
     nodes = [
         helper.make_node("Cast", ["pictures"], ["numbers"], to=TensorProto.FLOAT),
@@ -37,7 +37,7 @@ def colour_maps(path: Path, cell: int = 8) -> Path:
     constants = {"most": np.float32(255), "ends": np.array([0, 2])}
     graph = helper.make_graph(
         nodes, "made",
-        [helper.make_tensor_value_info("pictures", TensorProto.UINT8, ["n", 24, 32, 3])],
+        [helper.make_tensor_value_info("pictures", TensorProto.UINT8, [at_once, 24, 32, 3])],
         [helper.make_tensor_value_info(n, TensorProto.FLOAT, s) for n, s in shapes.items()],
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )  # fmt: skip

@@ -108,3 +108,14 @@ def test_maps_of_another_grid_are_no_boxes(tmp_path: Path) -> None:
     other = OnnxPerception(colour_maps(tmp_path / "coarse.onnx", cell=4))
     assert r"the output shown [2, 6, 8]" in other.no_boxes
     assert "expected [2, 3, 4]" in other.no_boxes
+
+
+def test_a_network_of_so_many_pictures_at_a_time_is_refused(tmp_path: Path) -> None:
+    path = colour_maps(tmp_path / "one.onnx", at_once=1)
+    with pytest.raises(PerceptionError, match="takes 1 pictures at a time, expected any number"):
+        OnnxPerception(path)
+
+
+def test_pictures_that_a_network_does_not_take_are_one_sentence(network: OnnxPerception) -> None:
+    with pytest.raises(ValueError, match="invalid dimensions for input: pictures"):
+        network(np.zeros((1, 24, 31, 3), np.uint8))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 
+from cfnav.policies import Export
 from cfnav_core.agent.agent import new_agent
 from cfnav_core.agent.config import Hyperparameters, RunConfig, TrainOptions
 from cfnav_core.files.checkpoint import CheckpointError
@@ -343,6 +344,64 @@ def test_a_card_names_a_checkpoint_it_is_compared_with_by_its_run(made):
     metrics = {**figures, "against": figures, "command": "cfnav evaluate"}
     export_bundle(path, made / "perception.onnx", made / "third", "x", metrics)
     assert "\n| run | " in (made / "third" / "MODEL_CARD.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("{", "found no JSON in .*; expected that of cfnav evaluate"),
+        ("[]", "found no command, episodes, .* expected the JSON of cfnav evaluate"),
+        ('{"command": "x", "sr": 1}', "found no episodes, spl, .* expected the JSON of cfnav ev"),
+    ],
+)
+def test_other_files_than_figures_are_told_before_anything_is_made(
+    made, tmp_path, content, sentence
+):
+    (tmp_path / "figures.json").write_text(content)
+    export = Export(
+        made / "run" / "best.safetensors", tmp_path / "bundle", made / "perception.onnx",
+        metrics=tmp_path / "figures.json",
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=sentence):
+        export.run_command()
+    assert not (tmp_path / "bundle").exists()
+
+
+def test_figures_of_another_policy_are_refused(made, tmp_path):
+    path = made / "run" / "best.safetensors"
+    figures = {**evaluate(path, made / "scenes", 20, seed=5).summary(), "command": "it"}
+    with pytest.raises(ValueError, match=r"figures of a policy with seed 7 for .* with 0;"):
+        export_bundle(path, made / "perception.onnx", tmp_path / "b", "x", {**figures, "seed": 7})
+    assert not (tmp_path / "b").exists()
+
+
+def test_a_card_says_how_it_acted_and_names_rooms_of_published_data(made):
+    path = made / "run" / "best.safetensors"
+    figures = evaluate(path, made / "scenes", 20, seed=5, sample=True, p_hat="zero").summary()
+    head = BundleHead.load(made / "bundle")
+    metrics = {**figures, "command": "it", "scenes": ["FloorPlan21", "FloorPlan22", "kitchen:1"]}
+    card = model_card(replace(head, metrics=metrics))
+    assert "Test rooms kitchen 1; FloorPlan21; FloorPlan22, 20 frozen episodes" in card
+    assert ", drawn actions, without p_hat, one training seed" in card
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"max_grad_norm": 0.0}, "found --max-grad-norm 0.0, expected more than 0"),
+        ({"max_grad_norm": float("nan")}, "found --max-grad-norm nan, expected more than 0"),
+        ({"gae_lambda": 1.5}, "found --gae-lambda 1.5, expected 0 to 1"),
+        ({"gamma": -0.1}, "found --gamma -0.1, expected 0 to 1"),
+        ({"value_weight": float("nan")}, "found --value-weight nan, expected at least 0"),
+    ],
+)
+def test_numbers_that_would_train_nothing_are_told(made, tmp_path, changes, sentence):
+    config = replace(SMALL, hyperparameters=replace(SMALL.hyperparameters, **changes))
+    options = TrainOptions(
+        made / "scenes", ("kitchen:0",), ("kitchen:1",), tmp_path / "run", run=config
+    )
+    with pytest.raises(ValueError, match=sentence):
+        train(options)
 
 
 def test_scenes_of_another_perception_are_refused(made, tmp_path):
