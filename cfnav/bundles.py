@@ -22,6 +22,7 @@ def load(
     goal: str | None = None,
     backend: Backend = "onnx",
     sample_seed: int | None = None,
+    room_type: str = "",
 ) -> Policy:
     """A bundle that acts.
 
@@ -30,12 +31,13 @@ def load(
         goal: begins an episode at once; else the first ``act`` or ``reset`` names one.
         backend: what runs the networks; torch needs torch.
         sample_seed: draws actions; the most probable one is taken when None.
+        room_type: where it is, such as kitchen; only bundles that look it up need it.
 
     Raises:
         BundleError: it cannot be used.
-        ValueError: it does not take the goal.
+        ValueError: it does not take the goal, or the type of room.
     """
-    policy = Policy.load(bundle, backend, sample_seed)
+    policy = Policy.load(bundle, backend, sample_seed, room_type)
     if goal is not None:
         policy.reset(goal)
     return policy

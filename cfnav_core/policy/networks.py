@@ -124,6 +124,11 @@ def open_networks(folder: Path, head: BundleHead, backend: Backend = "onnx") -> 
     raise ValueError(f"found back end {backend!r}, expected onnx or torch")
 
 
+def reads_room(folder: Path) -> bool:
+    """Whether the policy of a bundle, checked by ``BundleHead.load``, reads the type of room."""
+    return "room" in {given.name for given in open_session(folder / "policy.onnx").get_inputs()}
+
+
 class OnnxNetworks:
     """The networks of a bundle, which must have been checked by ``BundleHead.load``.
 

@@ -30,6 +30,7 @@ from cfnav_core.policy.networks import (
     Networks,
     Observation,
     open_networks,
+    reads_room,
     sampled,
 )
 from cfnav_core.task.actions import NUM_ACTIONS, Action
@@ -114,11 +115,15 @@ class Policy:
         perception: Perception | SightingEyes,
         networks: Networks,
         sample_seed: int | None = None,
+        reads_room: bool = False,
+        room_type: str = "",
     ) -> None:
         self.name, self.perception = head.name, perception.identity
         self.reads_sightings = head.reads_sightings
         self.goals, self.camera = head.goals, head.camera
-        self._head = head
+        self._head, self._reads_room, self._room_type = head, reads_room, room_type
+        if room_type:
+            self._check_room(room_type)
         self._objects = head.objects
         self._perception, self._networks = perception, networks
         self._rng = None if sample_seed is None else np.random.default_rng(sample_seed)
@@ -134,6 +139,7 @@ class Policy:
         bundle: Path | str | None = None,
         backend: Backend = "onnx",
         sample_seed: int | None = None,
+        room_type: str = "",
     ) -> Policy:
         """Load a bundle, the default when None.
 
@@ -141,46 +147,61 @@ class Policy:
             bundle: its folder, or the name of a shipped one.
             backend: what runs policy and predictor, see the module.
             sample_seed: draw actions with this seed, other ones in each episode; argmax when None.
+            room_type: where the robot is, unless ``reset`` says otherwise; "" when nobody says.
 
         Raises:
             BundleError: missing, damaged, of another version, or without what the back end needs.
-            ValueError: another back end.
+            ValueError: another back end, or a room type that the bundle does not know.
         """
         folder = find_bundle(bundle)
         head = BundleHead.load(folder)
         perception = eyes_of(folder, head)
         check_fits(perception.gives, head, str(folder))
-        return cls(head, perception, open_networks(folder, head, backend), sample_seed)
+        networks = open_networks(folder, head, backend)
+        return cls(head, perception, networks, sample_seed, reads_room(folder), room_type)
 
-    def admits(self, goal: str) -> str:
+    def admits(self, goal: str, room_type: str | None = None) -> str:
         """Why ``reset`` would refuse a goal, as one sentence; "" when it takes it.
 
         It takes what it was trained to find and, when its model allows that, all else that its
-        perception detects; never a word for something that its perception cannot detect.
+        perception detects; never a word for something that its perception cannot detect. A bundle
+        that looks up what goes with what in a type of room must be told which one it is in.
         """
+        if self._reads_room and not (room_type or self._room_type):
+            return (
+                f"found no room type for {self.name}, which looks up what goes with what there; "
+                f"say which one the robot is in: {', '.join(self._head.room_types)} (the policy "
+                "node's parameter room_type)"
+            )
         return refusal(goal, self._head)
+
+    def _check_room(self, room_type: str) -> None:
+        known = self._head.room_types
+        if room_type not in known:
+            raise ValueError(
+                f"found room type {room_type!r}, expected one that {self.name} knows: "
+                f"{', '.join(known)}"
+            )
 
     def reset(self, goal: str, room_type: str | None = None) -> None:
         """Begin an episode.
 
         Args:
             goal: one that it ``admits``.
-            room_type: one that the bundle knows; only models that look it up need it.
+            room_type: one that the bundle knows; only models that look it up need it. That which
+                ``load`` was told when None.
 
         Raises:
             ValueError: a goal or room type that it does not take.
         """
-        if refused := self.admits(goal):
+        if refused := self.admits(goal, room_type):
             raise ValueError(refused)
-        known = self._head.room_types
-        if room_type not in (None, *known):
-            raise ValueError(
-                f"found room type {room_type!r}, expected one that {self.name} knows: "
-                f"{', '.join(known)}"
-            )
+        room_type = self._room_type if room_type is None else room_type
+        if room_type:
+            self._check_room(room_type)
         self._room = self._no_room()
-        if room_type is not None:
-            self._room[0, known.index(room_type)] = 1
+        if room_type:
+            self._room[0, self._head.room_types.index(room_type)] = 1
         self._goal = self._objects.index(goal)
         self._counts = np.array(
             [name == goal or name not in self._head.further for name in self._objects]

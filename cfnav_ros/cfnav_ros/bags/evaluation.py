@@ -77,7 +77,7 @@ class JudgeOptions:
         rows: of an episodes file.
         lidar: of the LiDAR node; ``mount_given``: its mounting was set by somebody.
         limits: of the policy node. detections: how it takes what a detector says.
-        robot: that drove.
+        robot: that drove. room_type: where, for bundles that look it up.
         tilt_joint: name of the camera's tilt.
     """
 
@@ -91,6 +91,7 @@ class JudgeOptions:
     detections: DetectionSettings = field(default_factory=DetectionSettings)
     robot: Robot = field(default_factory=Robot)
     tilt_joint: str = TILT_JOINT
+    room_type: str = ""
 
     @classmethod
     def of(cls, told: RobotParameters, topics: Mapping[str, str], **others: Any) -> JudgeOptions:
@@ -98,7 +99,8 @@ class JudgeOptions:
         return cls(
             topics={**names_of(told.robot), **topics}, robot=told.robot, lidar=told.lidar,
             mount_given=told.mount_given, limits=told.policy.episode,
-            detections=told.policy.detections, tilt_joint=told.policy.tilt_joint, **others,
+            detections=told.policy.detections, tilt_joint=told.policy.tilt_joint,
+            room_type=told.policy.room_type, **others,
         )  # fmt: skip
 
     @property
@@ -186,9 +188,9 @@ class BagEvaluation:
 
 
 @lru_cache(maxsize=8)
-def policy_of(folder: str) -> Policy:
+def policy_of(folder: str, room_type: str = "") -> Policy:
     """A bundle, loaded once in this process; see ``Policy.load``."""
-    return Policy.load(folder)
+    return Policy.load(folder, room_type=room_type)
 
 
 def evaluate(
@@ -238,7 +240,9 @@ class _Work:
         self._estimates = Estimates(options.lidar, options.mount_given)
         self._scanned = _holds(roles, "scan")
         self._infer = not _holds(roles, "decision")
-        self._policies = {key: policy_of(folder) for key, folder in options.bundles.items()}
+        self._policies = {
+            key: policy_of(folder, options.room_type) for key, folder in options.bundles.items()
+        }
         self._replay = Replay(
             self._policies, self._estimates, options.limits, infer=self._infer, bag=name,
             watch=self._watch(options),

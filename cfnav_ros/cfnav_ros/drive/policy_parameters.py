@@ -38,6 +38,9 @@ class PolicyParameters:
     sample_seed: int = setting(
         -1, "draw actions by their probabilities with this seed; -1: argmax", -1, 2**31 - 1
     )
+    room_type: str = setting(
+        "", "where the robot is (kitchen, living_room, ...), for bundles that look it up"
+    )
     lock_step: bool = setting(False, "the simulator waits for an answer to each moment")
     undock: bool = setting(False, "a robot on its dock leaves it for a goal, by the base's action")
     dock: bool = setting(False, "after a drive it goes back to a dock in sight, in the same way")

@@ -69,7 +69,9 @@ class PolicyNode(Node):
         robot = named_robot(self)
         settings = self._settings = declare(self, PolicyParameters.of(robot), self._adopt)
         sample_seed = None if settings.sample_seed < 0 else settings.sample_seed
-        self._policy = Policy.load(settings.bundle, settings.backend, sample_seed)
+        self._policy = Policy.load(
+            settings.bundle, settings.backend, sample_seed, settings.room_type
+        )
         settings.check_suits(self._policy.name, self._policy.reads_sightings)
         self._worker = ThreadPoolExecutor(1, "policy")
         self._inferences = Stopwatch()

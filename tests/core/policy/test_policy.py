@@ -98,3 +98,24 @@ def test_the_predictor_needs_a_goal_too(bundle):
         policy.predict_collision(seen)
     with pytest.raises(ValueError, match="call reset"):
         policy.decide(seen)
+
+
+def test_a_bundle_that_looks_rooms_up_must_be_told_which_one_it_is_in():
+    picture = np.random.default_rng(0).integers(0, 255, (300, 300, 3), np.uint8)
+    policy = Policy.load("lstde")
+    assert policy.admits("Mug").startswith("found no room type for lstde, which looks up what goes")
+    for begin in (lambda: policy.reset("Mug"), lambda: policy.act(picture, goal="Mug")):
+        with pytest.raises(ValueError, match="say which one the robot is in: kitchen, living_room"):
+            begin()
+    answers = []
+    for room_type in ("kitchen", "bathroom"):
+        policy.reset("Mug", room_type)
+        answers.append(policy.act(picture).probabilities)
+    assert not np.array_equal(*answers)
+
+    told = Policy.load("lstde", room_type="bathroom")
+    assert not told.admits("Mug")
+    np.testing.assert_array_equal(told.act(picture, goal="Mug").probabilities, answers[1])
+    with pytest.raises(ValueError, match="found room type 'attic', expected one that lstde knows"):
+        Policy.load("lstde", room_type="attic")
+    assert not Policy.load().admits("Mug")  # the others do not read it
