@@ -38,6 +38,7 @@ from cfnav_core.policy.bundle import BundleHead, shipped_bundle
 from cfnav_core.task.actions import Action
 from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.deploy.bundles import make_bundle
+from studies.live.identities import identity_of
 
 A_BAG = 4
 """Episodes of one bag, one in a room of each type: it is judged and removed before the next, as
@@ -76,11 +77,16 @@ def blind_bundle(folder: Path, seed: int) -> Path:
 def measure(config: AgreementConfig) -> dict[str, Any]:
     """Run what is missing and sum everything up."""
     rows = read_rows(config.out)
+    own = {"seed": config.seed, "networks": identity_of(shipped_bundle())}
+    for row in rows:
+        if (found := {key: row.get(key) for key in own}) != own:
+            raise OSError(f"{config.out} holds drives of {found}, not {own}; choose another --out")
     made = {row["number"] for row in rows}
     blind = blind_bundle(config.out.parent / "bundles", config.seed)
     for number in tqdm(range(config.bags), unit="bag"):
         if number not in made:
-            rows += judged(config, number, None if number % 2 == 0 else blind)
+            driven = judged(config, number, None if number % 2 == 0 else blind)
+            rows += [own | row for row in driven]
             write_rows(config.out, rows)
     return summary(rows)
 

@@ -29,7 +29,7 @@ from sim_bridge.data.overhangs import crosses_plane
 from sim_bridge.robot import stereo
 from sim_bridge.robot.lidar_turn import standing_turn
 from sim_bridge.robot.noise import Noise, NoiseLevels
-from sim_bridge.room.room import generate_room
+from sim_bridge.room.room import Room, generate_room
 from sim_bridge.world.camera import Camera
 from sim_bridge.world.grid import state_grid
 from sim_bridge.world.world import Pose, World
@@ -38,7 +38,7 @@ from cfnav_core.command import run_options
 from cfnav_core.files.json_file import write_json
 from cfnav_core.task.actions import STEP_M, Action
 from cfnav_core.task.camera import CAMERAS, CameraSetUp
-from cfnav_core.task.intervals import share_interval
+from cfnav_core.task.intervals import interval_of_share
 from cfnav_core.task.pinhole import Pinhole
 from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.deploy.driven_moves import SimulatedRobot, scan_of
@@ -85,12 +85,14 @@ class Decision:
     """What was said of one MoveAhead, and what is true.
 
     Attributes:
+        room: where.
         lidar: probability by the LiDAR alone.
         both: with depth.
         blocked: whether it would touch something.
         in_plane: whether it would among what the LiDAR's plane shows.
     """
 
+    room: str
     lidar: float
     both: float
     blocked: bool
@@ -161,6 +163,14 @@ def mounted(config: GuardConfig) -> CameraSetUp:
     return replace(set_up, horizons=(math.radians(config.pitch),))
 
 
+def furnished(kind: str, seed: int) -> Room:
+    """A room without what the robot drives over or through: skirting boards, rugs, curtains."""
+    room = generate_room(kind, seed)
+    drawn = {index for index, one in enumerate(room.objects) if one.name in ("Floor", "Ceiling")}
+    kept = tuple(part for part in room.parts if part.solid or part.owner in drawn)
+    return replace(room, parts=kept)
+
+
 def decisions(
     kind: str, seed: int, count: int, set_up: CameraSetUp, plain: float
 ) -> Iterator[Decision]:
@@ -172,8 +182,7 @@ def decisions(
         set_up: of the camera that depth is taken beside.
         plain: see ``GuardConfig``.
     """
-    room = generate_room(kind, seed)
-    room = replace(room, parts=tuple(part for part in room.parts if part.solid))
+    room = furnished(kind, seed)
     world = World(room, set_up.on_mast)
     plane = World(replace(room, parts=tuple(filter(crosses_plane, room.parts))), set_up.on_mast)
     robot = SimulatedRobot(world, Noise(replace(NoiseLevels(), plain=plain), seed))
@@ -193,7 +202,7 @@ def decisions(
             end = here.x + STEP_M * math.cos(here.yaw), here.y + STEP_M * math.sin(here.yaw)
             blocked = not simulator.ahead_free()
             in_plane = blocked and not plane.sweep_free((here.x, here.y), end)
-            yield Decision(lidar, both, blocked, in_plane)
+            yield Decision(room.name, lidar, both, blocked, in_plane)
             turns = blocked or both >= veto or rng.random() < TURNS
             side = Action.RotateLeft if rng.random() < 0.5 else Action.RotateRight
             before = simulator.time
@@ -202,12 +211,12 @@ def decisions(
 
 
 def figures(found: list[Decision]) -> dict[str, list[float]]:
-    """Shares with their 95 % intervals, and the number that each is a share of."""
+    """Shares with their 95 % intervals over rooms, and the number that each is a share of."""
     lidar, both = (np.array([getattr(d, of) for d in found]) for of in ("lidar", "both"))
     blocked, in_plane = (
         np.array([getattr(d, of) for d in found]) for of in ("blocked", "in_plane")
     )
-    veto = EpisodeLimits().veto_probability
+    veto, rooms = EpisodeLimits().veto_probability, np.array([d.room for d in found])
     rows = {}
     for name, p in (("lidar", lidar), ("both", both)):
         forbids = p >= veto
@@ -217,8 +226,11 @@ def figures(found: list[Decision]) -> dict[str, list[float]]:
             ("free_but_forbidden", ~blocked, forbids),
         ):
             count = int(among.sum())
-            value = float(share[among].mean()) if count else math.nan
-            rows[f"{name}_{what}"] = [value, *share_interval(value, count), count]
+            value, ends = math.nan, (math.nan, math.nan)
+            if count:
+                value = float(share[among].mean())
+                ends = interval_of_share(share[among], rooms[among])
+            rows[f"{name}_{what}"] = [value, *ends, count]
     return rows
 
 

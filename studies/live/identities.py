@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from sim_bridge.robot.simulator import SIMULATOR_VERSION
-from sim_bridge.room.room import ROOMS_VERSION
+from sim_bridge.room.room import room_source
 
 from cfnav_core.policy.bundle import BundleHead
+from cfnav_core.task.rooms import parse_rooms
 
-WORLD = f"rooms {ROOMS_VERSION}, simulator {SIMULATOR_VERSION}"
-"""The simulator: its rooms, its robot, their noise, light and lens."""
+
+def world_of(rooms: Sequence[str]) -> str:
+    """The simulator of trials in some rooms: how these are made, its robot, noise, light and lens.
+
+    Args:
+        rooms: such as kitchen:25; none are built-in ones.
+    """
+    made = sorted({room_source(kind) for kind, _ in parse_rooms(rooms or ["kitchen:0"])})
+    return f"{', '.join(made)}, simulator {SIMULATOR_VERSION}"
+
+
+WORLD = world_of(())
+"""That of our own rooms."""
 
 
 def identity_of(bundle: Path) -> str:

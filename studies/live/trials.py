@@ -26,7 +26,7 @@ from cfnav_core.policy.bundle import BundleHead
 from cfnav_core.task.vocabulary import ROOM_TYPES
 from studies.live import table_iv
 from studies.live.drive import by_trial
-from studies.live.identities import WORLD, identity_of
+from studies.live.identities import identity_of, world_of
 from studies.live.table_iv import TableIV
 
 TEST_ROOMS = ",".join(f"{kind}:{seed}" for seed in range(20, 30) for kind in ROOM_TYPES)
@@ -98,7 +98,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     rows = read_rows(config.out)
     asked = {
         **asdict(config), "bundle": str(config.bundle or "shipped"),
-        "networks": identity_of(config.drives), "world": WORLD,
+        "networks": identity_of(config.drives), "world": world_of(parse_list(config.room)),
         "detector": detector_of(config), "camera": camera_of(config),
     }  # fmt: skip
     conditions = {name: asked[name] for name in CONDITIONS}

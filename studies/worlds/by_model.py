@@ -67,7 +67,8 @@ def held_out_models(furniture: str) -> frozenset[str]:
 def kinds_of(room: Room) -> dict[str, str]:
     """What stands for each goal of a room, by the goal's name."""
     unknown = held_out_models(furniture_of(room.kind))
-    models = {owner: one.model.id for one in room.placed for owner in one.owners}
+    # a model that is dyed and stretched is still the same
+    models = {owner: one.model.id.partition("~")[0] for one in room.placed for owner in one.owners}
     found: dict[str, set[str]] = defaultdict(set)
     for index, thing in enumerate(room.objects):
         model = models.get(index)

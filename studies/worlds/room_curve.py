@@ -197,6 +197,7 @@ def _judged(evaluation: Evaluation) -> dict[str, Any]:
         },
         "predictor_auc": quality.get("predictor_auc"),
         "episodes": evaluation.episodes.identity(evaluation.bank),
+        "scenes": [evaluation.bank.perception, *sorted({s.source for s in evaluation.bank.scenes})],
         "cf_success": [int(r.cf_success) for r in results],
         "in_room": rooms.tolist(),
     }
@@ -216,11 +217,12 @@ def gains(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     for seed in sorted({row["seed"] for row in rows}):
         of = sorted((row for row in rows if row["seed"] == seed), key=lambda row: row["rooms"])
         for fewer, more in pairwise(of):
-            if more["new"]["episodes"] != fewer["new"]["episodes"]:
-                raise ValueError(
-                    f"found other episodes for {more['rooms']} rooms than for {fewer['rooms']}: "
-                    "their scenes differ; choose another --out and measure both again"
-                )
+            for key in ("episodes", "scenes"):  # perception and version change no episode
+                if more["new"].get(key) != fewer["new"].get(key):
+                    raise ValueError(
+                        f"found other {key} for {more['rooms']} rooms than for {fewer['rooms']}: "
+                        "they were made anew; choose another --out and measure both again"
+                    )
             a, b = (np.array(row["new"]["cf_success"], bool) for row in (more, fewer))
             difference = paired(a, b, np.array(more["new"]["in_room"]))
             found.append({"rooms": more["rooms"], "seed": seed, **difference})

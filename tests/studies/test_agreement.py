@@ -5,11 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
+from cfnav_core.policy.bundle import shipped_bundle
 from studies.bags.agreement import AgreementConfig, measure
+from studies.live.identities import identity_of
 
 
 def _row(number: int, touched: bool, seen: int | None) -> dict[str, object]:
     return {
+        "seed": 0,
+        "networks": identity_of(shipped_bundle()),
         "number": number,
         "commit": "abc",
         "live": {"collisions": int(touched), "success": True},
@@ -37,3 +43,13 @@ def test_finished_bags_are_not_driven_again(tmp_path: Path) -> None:
     own = {"decisions": 40, "reproduced": 32, "not_compared": 4}
     assert found["own_decisions_reproduced"] == own
     assert len(file.read_text().splitlines()) == len(rows)
+
+
+@pytest.mark.parametrize("other", [{"seed": 1}, {"networks": "another"}])
+def test_drives_of_another_seed_or_bundle_are_not_gone_on_with(
+    tmp_path: Path, other: dict[str, object]
+) -> None:
+    file = tmp_path / "drives.jsonl"
+    file.write_text(json.dumps(_row(0, True, 1) | other) + "\n")
+    with pytest.raises(OSError, match=r"drives.jsonl holds drives of .*; choose another --out"):
+        measure(AgreementConfig(out=file, bags=1))

@@ -1,20 +1,24 @@
 """The study of depth: a few decisions of a wandering robot, figures by hand, what a camera sees."""
 
 import math
+from dataclasses import replace
 
 import pytest
+from sim_bridge.world.camera import Camera
+from sim_bridge.world.grid import state_grid
+from sim_bridge.world.world import Pose, World
 
 from cfnav_core.task.camera import CAMERAS
-from studies.deploy.depth_guard import Decision, decisions, figures, seen_strip
+from studies.deploy.depth_guard import Decision, decisions, figures, furnished, seen_strip
 
 
 def test_misses_and_false_alarms_by_hand():
     found = [
-        Decision(0.9, 0.9, True, True),
-        Decision(0.2, 0.8, True, False),
-        Decision(0.2, 0.2, True, False),
-        Decision(0.1, 0.1, False, False),
-        Decision(0.1, 0.7, False, False),
+        Decision("a", 0.9, 0.9, True, True),
+        Decision("a", 0.2, 0.8, True, False),
+        Decision("b", 0.2, 0.2, True, False),
+        Decision("b", 0.1, 0.1, False, False),
+        Decision("a", 0.1, 0.7, False, False),
     ]
     rows = figures(found)
     assert [rows[f"{who}_missed"][0] for who in ("lidar", "both")] == [
@@ -35,6 +39,14 @@ def test_a_wandering_robot_is_judged_and_repeats_itself(camera):
     assert all(d.both >= d.lidar for d in found)
     assert all(d.blocked for d in found if d.in_plane)
     assert found == list(decisions(*walk))
+
+
+def test_a_camera_that_looks_down_measures_the_floor():
+    world = World(furnished("kitchen", 20))
+    x, y = state_grid(world).positions[0]
+    with Camera(world, replace(CAMERAS["mast"], fov_deg=(60.0, 60.0), size=(64, 64))) as camera:
+        _, depth = camera.depth(Pose(float(x), float(y), 0.0, math.radians(-65.0)))
+    assert depth.max() < 1.3 / math.sin(math.radians(35.0)) + 0.1  # the far edge of a bare floor
 
 
 def test_what_a_camera_sees_of_the_way_is_what_its_geometry_says():

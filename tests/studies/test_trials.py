@@ -11,7 +11,7 @@ import pytest
 
 from cfnav_core.files.locks import locked
 from cfnav_core.policy.bundle import find_bundle
-from studies.live.identities import WORLD, identity_of
+from studies.live.identities import WORLD, identity_of, world_of
 from studies.live.trials import TrialsConfig, camera_of, run
 
 
@@ -53,6 +53,13 @@ def test_lines_from_before_a_condition_stand_for_what_held_then(config: TrialsCo
     config.out.write_text(json.dumps(row) + "\n")
     with pytest.raises(OSError, match=r"'max_steps': 0.*not .*'max_steps': 5"):
         run(replace(config, max_steps=5))
+
+
+def test_rooms_of_each_furniture_have_their_own_version() -> None:
+    assert world_of(["kitchen:25", "bathroom:24"]) == WORLD
+    both = world_of(["kitchen:25", "sweet_home.kitchen:300"])
+    assert both.startswith(WORLD.partition(",")[0] + ", sweet_home rooms ")
+    assert both.endswith(WORLD.partition(",")[2])
 
 
 def test_two_processes_never_add_to_one_file(config: TrialsConfig) -> None:

@@ -55,6 +55,7 @@ def write_pages(pages: Iterable[np.ndarray], folder: Path) -> int:
     for count, page in enumerate(pages, 1):
         write_png(folder / f"page_{count:03}.png", page)
     for old in folder.glob("page_*.png"):
-        if old.stem.removeprefix("page_") > f"{count:03}":
+        number = old.stem.removeprefix("page_")
+        if number.isdecimal() and int(number) > count:
             old.unlink()
     return count

@@ -81,6 +81,8 @@ def test_the_curve_is_measured_goes_on_and_is_drawn(study, monkeypatch):
         assert {name.partition(":")[2] for name in row["known"]["in_room"]} == {"100"}
     with pytest.raises(ValueError, match="found other episodes for 16 rooms than for 8"):
         room_curve.gains([rows[0], {**rows[1], "new": {**rows[1]["new"], "episodes": "others"}}])
+    with pytest.raises(ValueError, match="found other scenes for 16 rooms than for 8"):
+        room_curve.gains([rows[0], {**rows[1], "new": {**rows[1]["new"], "scenes": ["others"]}}])
     (gain,) = room_curve.gains(rows)
     assert gain["rooms"] == 16
     assert gain["cf_sr_difference"] == pytest.approx(
