@@ -34,23 +34,28 @@ def whole(path: Path) -> Iterator[Path]:
     When the block fails, what was at ``path`` stays and what was begun is removed. A folder steps
     aside for the new one; a kill between the two is mended by the next call.
     """
-    partial, old = (path.with_name(path.name + ending) for ending in (".partial", ".old"))
-    if old.exists() and not path.exists():
-        old.replace(path)
+    partial = path.with_name(path.name + ".partial")
+    aside = path.with_name(f".{path.name}.before")  # a name that nobody gives to what is theirs
+    _bring_back(aside, path)
     remove(partial)
     try:
         yield partial
         if partial.is_dir() and path.exists():
-            remove(old)
-            path.replace(old)
+            remove(aside)
+            path.replace(aside)
         partial.replace(path)
     except BaseException:
-        if old.exists() and not path.exists():
-            old.replace(path)
+        _bring_back(aside, path)
         raise
     finally:
         remove(partial)
-    remove(old)
+    if aside.is_dir():
+        remove(aside)
+
+
+def _bring_back(aside: Path, path: Path) -> None:
+    if aside.is_dir() and not path.exists():
+        aside.replace(path)
 
 
 def write_file(path: Path, content: bytes | str) -> None:

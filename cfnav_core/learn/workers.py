@@ -137,6 +137,7 @@ class Shared:
         counts: float64 [workers + 1, 6], by ``COUNTED``: each worker adds to its own row; the last
             is what was there before.
         stop: bool [], the run is to end.
+        waiting: bool [workers], which have stopped at the end of stage one.
         second: bool [], stage two may begin: what stage one has learnt is kept.
     """
 
@@ -144,6 +145,7 @@ class Shared:
     predictor: SharedWeights
     counts: Tensor
     stop: Tensor
+    waiting: Tensor
     second: Tensor
 
     @property
@@ -176,6 +178,7 @@ def work(index: int, options: TrainOptions, knowledge: Knowledge, shared: Shared
     total = hp.stage1_episodes + hp.stage2_episodes
     while shared.episodes < total and not shared.stop and _parent_lives():
         if shared.episodes >= hp.stage1_episodes and not shared.second:
+            shared.waiting[index] = True
             time.sleep(LOOK_S)
             continue
         stage = method.stage2 if shared.second else method.stage1
@@ -229,9 +232,11 @@ class Workers:
         count = run.options.workers
         counts = torch.zeros(count + 1, len(COUNTED), dtype=torch.float64).share_memory_()
         counts[count, 0], counts[count, 4] = run.episodes, run.steps
-        stop, second = (torch.zeros((), dtype=torch.bool).share_memory_() for _ in range(2))
+        stop, waiting, second = (
+            torch.zeros(shape, dtype=torch.bool).share_memory_() for shape in ((), count, ())
+        )
         weights = [SharedWeights.taken_from(o) for o in (run.optimizer, run.predictor_optimizer)]
-        self.shared = Shared(weights[0], weights[1], counts, stop, second)
+        self.shared = Shared(weights[0], weights[1], counts, stop, waiting, second)
         self.before = counts.sum(0)
         self.processes: list[Any] = []
 
@@ -267,8 +272,11 @@ class Workers:
 
     def round(self) -> dict[str, float]:
         """See ``train.Execution``."""
-        self.shared.second.fill_(self.run.episodes >= self.run.hp.stage1_episodes)
+        stage1 = self.run.hp.stage1_episodes
+        self.shared.second.fill_(self.run.episodes >= stage1)
         time.sleep(ROUND_S)
+        while not self.shared.second and self.shared.episodes >= stage1 and not self._rest():
+            time.sleep(LOOK_S)
         for number, process in enumerate(self.processes):
             if process.exitcode == NOT_FINITE:
                 raise ValueError(self.run.not_finite())
@@ -284,6 +292,11 @@ class Workers:
         figures = dict(zip(COUNTED, change, strict=True))
         del figures["steps"]
         return figures
+
+    def _rest(self) -> bool:
+        """Whether every worker waits at the end of stage one, or has ended."""
+        ended = torch.tensor([process.exitcode is not None for process in self.processes])
+        return bool((self.shared.waiting | ended).all())
 
     @contextmanager
     def still(self) -> Iterator[None]:

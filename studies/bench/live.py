@@ -216,6 +216,7 @@ def measure(config: BenchConfig, speed: float, seconds: float) -> list[HeardEpis
     known = known_goals(trials_of)
     graph_config = GraphConfig(
         room=parse_list(config.room)[0],
+        room_type=trials_of.room_type,
         logs=config.out / "logs" / f"speed{speed:g}",
         speed=speed,
         bundle=config.bundle,

@@ -82,7 +82,8 @@ def measure(bundle: Path, backend: Literal["onnx", "torch"], decisions: int) -> 
     from cfnav_core.perception.perception import OnnxPerception
     from cfnav_core.policy.policy import Policy
 
-    policy = Policy.load(bundle, backend)
+    known = BundleHead.load(bundle).room_types
+    policy = Policy.load(bundle, backend, room_type=next(iter(known), ""))
     policy.reset(policy.goals[0])
     load_s = time.perf_counter() - begun
     pictures = np.random.default_rng(0).integers(0, 256, (8, SIDE, SIDE, 3), np.uint8)

@@ -115,6 +115,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     room = parse_list(config.room)[0]
     graph_config = GraphConfig(
         room=room,
+        room_type=config.room_type,
         logs=logs,
         speed=config.speed,
         bundle=config.bundle,

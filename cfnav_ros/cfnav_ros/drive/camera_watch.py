@@ -108,7 +108,8 @@ class CameraWatch:
         if self._learnt is None:
             return
         if driving and self._found is not None:
-            self._changed = self._changed or CHANGED * (found != self._found)
+            # as text: a camera that nobody calibrated may say nan, which is never itself
+            self._changed = self._changed or CHANGED * (repr(found) != repr(self._found))
             return
         self._changed = ""
         if found == self._found:

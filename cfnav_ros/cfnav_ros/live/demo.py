@@ -20,6 +20,7 @@ from cfnav_core.detect.labels import load_labels
 from cfnav_core.files.provenance import commit
 from cfnav_core.policy.bundle import BundleHead, find_bundle
 from cfnav_core.policy.goals import refusal
+from cfnav_core.policy.networks import reads_room
 from cfnav_core.robot.robot import load_robot, simulated
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.limits import step_limit
@@ -93,6 +94,13 @@ class DemoConfig:
         robot = load_robot(simulated(CameraSetUp.read(self.camera).tilts))
         return find_bundle(self.bundle or robot.bundle)
 
+    @property
+    def room_type(self) -> str:
+        """Of all its rooms; "" when they have several."""
+        rooms = parse_list(self.room) or parse_list(ROOMS)
+        types = {type_of(parse_room(room)[0]) for room in rooms}
+        return types.pop() if len(types) == 1 else ""
+
     def run_command(self) -> int:
         """Run the demo and print what came of it; bag and simulator may disagree (1)."""
         metrics = run_demo(self)
@@ -111,10 +119,16 @@ def known_goals(config: DemoConfig) -> tuple[str, ...]:
 
     Raises:
         BundleError: the bundle cannot be used.
-        GraphError: a goal asked for is none of them.
-        ValueError: there is no such camera.
+        GraphError: a goal asked for is none of them, or the bundle must know the type of room and
+            the rooms have several.
+        ValueError: there is no such camera or room.
     """
     head = BundleHead.load(config.drives)
+    if reads_room(config.drives) and not config.room_type:
+        raise GraphError(
+            f"bundle {head.name} looks up what goes with what in a type of room, and the rooms "
+            "have several types; run each by itself, such as --room kitchen:25"
+        )
     camera = CameraSetUp.read(config.camera)
     if head.camera and not head.reads_sightings and not head.camera.sees_like(camera):
         print(f"bundle {head.name} learnt from a camera of {head.camera}; the robot's is {camera}")
@@ -224,6 +238,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
         bag = folder.partial / "bag"
         graph_config = GraphConfig(
             room=(parse_list(config.room) or parse_list(ROOMS))[0],
+            room_type=config.room_type,
             logs=folder.partial / "logs",
             speed=config.speed,
             lock_step=config.speed == 0,

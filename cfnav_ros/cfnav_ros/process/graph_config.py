@@ -40,6 +40,7 @@ class GraphConfig:
             on board, "shipped" or a file of them, or an ONNX file that is run on the pictures.
         labels: what the ONNX file learnt.
         track: whether ``RosGraph.track`` follows the true path of each episode.
+        room_type: of all rooms, for bundles that look it up; "" where they have several.
     """
 
     room: str
@@ -59,6 +60,7 @@ class GraphConfig:
     detector: str = "shipped"
     labels: str = "coco"
     track: bool = False
+    room_type: str = ""
 
     @property
     def described(self) -> str:
@@ -101,6 +103,6 @@ class GraphConfig:
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
             "episode.command_lag": lag,
             "sample_seed": self.sample_seed, "other_camera": other or None,
-            "bundle": self.drives, **detecting,
+            "bundle": self.drives, "room_type": self.room_type or None, **detecting,
         }  # fmt: skip
         return parts(["mock_turtlebot4", *lidar, *detectors, "policy_node"], given)

@@ -44,7 +44,7 @@ NODES: dict[str, NodeKind] = {
     "policy_node": NodeKind(
         "cfnav_ros",
         (
-            *SHARED, "bundle", "goal", "wait_for_recorder", "lock_step", "sample_seed",
+            *SHARED, "bundle", "room_type", "goal", "wait_for_recorder", "lock_step", "sample_seed",
             "other_camera", "detections.labels", "episode.veto", "episode.p_hat",
             "episode.command_lag",
         ),

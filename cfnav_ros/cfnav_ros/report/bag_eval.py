@@ -12,18 +12,18 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from cfnav_core.command import COULD_NOT, DONE, PARTLY, command_line, run_options
+from cfnav_core.policy.bundle import BundleError
 from cfnav_ros.bags.batch import evaluate_all
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, policy_of
 from cfnav_ros.bags.files.finding import find_bags
 from cfnav_ros.bags.files.parameters_file import read_parameters
-from cfnav_ros.bags.files.recorded_robot import recorded_robot
 from cfnav_ros.bags.files.roles import parse_topics
 from cfnav_ros.bags.judge.episodes_file import read_episodes
 from cfnav_ros.bags.judge.figures import Mean, counted_reasons
@@ -87,11 +87,11 @@ def run(config: BagEvalConfig) -> int:
         WriteError: a result cannot be written.
     """
     bags, rows = find_bags(config.bags), read_episodes(config.episodes) if config.episodes else ()
-    options = {bag: options_of(config, bag) for bag in bags}
+    options, unable, lacking = _options(config, bags)
     results = evaluate_all(options, rows, config.jobs)
     done = [result for result in results if isinstance(result, BagEvaluation)]
-    failed = [result for result in results if isinstance(result, str)]
-    told = [
+    failed = [*unable, *(result for result in results if isinstance(result, str))]
+    told = lacking + [
         f"{e.name}: {note}"
         for e in done
         for note in (*e.notes, *_not_judged(e), *_not_sure(e), *_not_replayed(e))
@@ -113,7 +113,28 @@ def run(config: BagEvalConfig) -> int:
         isinstance(result, BagEvaluation) and _whole(result, asked)
         for result, asked in zip(results, options.values(), strict=True)
     ]
-    return DONE if all(whole) else PARTLY
+    return DONE if all(whole) and not unable + lacking else PARTLY
+
+
+def _options(
+    config: BagEvalConfig, bags: Sequence[Path]
+) -> tuple[dict[Path, JudgeOptions], list[str], list[str]]:
+    """How each bag is to be evaluated; which cannot be, and which without a replay, and why.
+
+    Raises:
+        ValueError: what holds for all of them cannot be used; one sentence.
+    """
+    options_of(config)
+    options, unable, lacking = {}, list[str](), list[str]()
+    for bag in bags:
+        try:
+            options[bag] = options_of(config, bag)
+        except BundleError as error:  # of the robot that drove, on another machine
+            lacking.append(f"{bag} is judged without a replay: {error}; name one by --bundle.")
+            options[bag] = options_of(replace(config, replay=False), bag)
+        except ValueError as error:
+            unable.append(f"{bag} could not be evaluated: {error}.")
+    return options, unable, lacking
 
 
 def _whole(evaluation: BagEvaluation, asked: JudgeOptions) -> bool:
@@ -203,19 +224,21 @@ def _line(scores: BundleScores) -> str:
     return f"{line}; {own.equal} of {own.decisions} decisions reproduced" if own.decisions else line
 
 
-def options_of(config: BagEvalConfig, bag: Path) -> JudgeOptions:
+def options_of(config: BagEvalConfig, bag: Path | None = None) -> JudgeOptions:
     """How a bag is to be evaluated: by the robot that is named, else by that which drove.
 
     Raises:
         ValueError: a topic, a file or a bundle cannot be used; one sentence.
     """
     topics = parse_topics(config.topic)
-    told = read_parameters(config.params, config.robot, recorded_robot(bag))
+    told = read_parameters(config.params, config.robot, bag)
     names = _names(config.bundle) if config.bundle else [SHIPPED]
     folders = [str(path) for path in config.bundle] or [told.policy.bundle]
     bundles = dict(zip(names, folders, strict=True)) if config.replay else {}
     for folder in bundles.values():
-        policy_of(folder)  # one that cannot be used is told before hours are spent
+        policy_of(
+            folder, told.policy.room_type
+        )  # one that cannot be used is told before hours are spent
     return JudgeOptions.of(told, topics, bundles=bundles, namespace=config.namespace)
 
 

@@ -78,15 +78,15 @@ class Recorder:
             bag: folder of the finished bag.
             context: an initialised rclpy context; the caller shuts it down after ``close``.
             system_time: log system time instead of that of ``/clock``.
-            robot: whose topics; ``DEFAULT`` when None.
+            robot: whose topics, which the bag then says; those of ``DEFAULT`` when None.
 
         Raises:
             FileExistsError: the bag exists, or what a recording that broke off left of it.
             FileNotFoundError: a message package is not built.
         """
         shares = [get_package_share_path(name) for name in PACKAGES]
-        robot = robot or load_robot()
-        self._writer = BagWriter(bag, typestore_with(shares), said_of(robot))
+        said = said_of(robot) if robot else {}
+        self._writer = BagWriter(bag, typestore_with(shares), said)
         self._system_time, self._clock_ns = system_time, 0
         self._held: ArrivalOrder[tuple[str, bytes]] = ArrivalOrder()
         self._counts: Counter[str] = Counter()
@@ -95,7 +95,7 @@ class Recorder:
         self._node = Node(NODE_NAME, context=context)
         self._undecided: list[Topic] = []
         self._subscriptions: dict[str, tuple[Topic, Subscription]] = {}
-        self._topics = robot.topics
+        self._topics = (robot or load_robot()).topics
         for topic in self._topics.values():
             if topic.other_type:
                 self._undecided.append(topic)
@@ -184,12 +184,14 @@ class Recorder:
     def _decide(self) -> None:
         """Listen in the type that the graph knows, and ask for no more than what is offered.
 
-        What asks for more is not heard at all, as late messages of odometry that nobody keeps.
+        What asks for more is not heard at all, as odometry of which nothing is kept for the late.
+        Where one of several keeps it, that one is heard.
         """
         for name, (topic, subscription) in [*self._subscriptions.items()]:
-            offers = [i.qos_profile for i in self._node.get_publishers_info_by_topic(name)]
+            there = self._node.get_publishers_info_by_topic(name)
+            offers = [info.qos_profile for info in there if info.topic_type == topic.type]
             best_effort = any(o.reliability == ReliabilityPolicy.BEST_EFFORT for o in offers)
-            volatile = any(o.durability == DurabilityPolicy.VOLATILE for o in offers)
+            volatile = {o.durability for o in offers} == {DurabilityPolicy.VOLATILE}
             asked = replace(
                 topic, reliable=topic.reliable and not best_effort,
                 latched=topic.latched and not volatile,

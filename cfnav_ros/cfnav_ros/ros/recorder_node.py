@@ -80,7 +80,8 @@ def main(args: list[str] | None = None) -> int:
 def _begin() -> Recorder:
     node = Node(NODE_NAME, automatically_declare_parameters_from_overrides=True)
     try:
-        settings, robot = declare(node, RecorderParameters()), named_robot(node)
+        robot = named_robot(node) if node.has_parameter("robot") else None
+        settings = declare(node, RecorderParameters())
         simulated = node.get_parameter("use_sim_time").value
     finally:
         node.destroy_node()

@@ -31,8 +31,9 @@ from cfnav_ros.ros import conversions
 CHECK_S = 0.5
 """Real time between looks at who else is on cmd_vel."""
 
-BACK_S = 2.0
-"""Real time within which what we send comes back to us, where we listen to others there."""
+TO_COME = 50
+"""Of what we send so much may be on its way back to us, where we listen to others there: two
+seconds and more."""
 
 ACTION = "navigate_to_object"
 """Served by every policy node: two of them would both take a goal and drive."""
@@ -62,7 +63,7 @@ class VelocityPublisher:
         self._publisher: Publisher | None = None
         self._me = conversions.own_participant(node)
         self._checked_at = self._sent_at = 0.0
-        self._to_come: dict[str, deque[tuple[float, Twist | TwistStamped]]] = {}
+        self._to_come: dict[str, deque[Twist | TwistStamped]] = {}
         self._listeners: dict[str, Subscription] = {}
         self._other_driver = ""
 
@@ -133,9 +134,7 @@ class VelocityPublisher:
             stamp, frame = self._node.get_clock().now().to_msg(), self._settings.base_frame
             message = conversions.twist_stamped(command, stamp, frame)
         for ours in self._to_come.values():
-            while ours and now - ours[0][0] > BACK_S:
-                ours.popleft()
-            ours.append((now, message))
+            ours.append(message)
         self._publisher.publish(message)
 
     def _namesakes(self) -> list[str]:
@@ -179,7 +178,7 @@ class VelocityPublisher:
             kind = next((kind for kind in types if kind in heard), None)
             if kind is not None and topic not in self._listeners:
                 if topic in (self.topic, self._base_topic):
-                    self._to_come[topic] = deque()
+                    self._to_come[topic] = deque(maxlen=TO_COME)
                 self._listeners[topic] = self._node.create_subscription(
                     MESSAGES[kind], topic, partial(self._hear, topic), qos_profile_sensor_data
                 )
@@ -198,7 +197,7 @@ class VelocityPublisher:
         bears no stamp, and a joystick's zeros look like ours.
         """
         ours = self._to_come.get(topic, deque())
-        alike = next((n for n, (_, sent) in enumerate(ours) if sent == message), None)
+        alike = next((n for n, sent in enumerate(ours) if sent == message), None)
         if alike is None:
             return False
         for _ in range(alike + 1):

@@ -8,6 +8,7 @@ import pytest
 from cfnav_ros.bags.files.reading import Bag
 from cfnav_ros.bags.files.recorded_robot import FILE, NAME, recorded_robot, robot_for, said_of
 from cfnav_ros.bags.files.writer import BagWriter, typestore_with
+from cfnav_ros.report import bag_eval
 from cfnav_ros.report.bag_eval import BagEvalConfig, options_of
 
 from cfnav_core.robot.robot import SHIPPED, load_robot
@@ -59,3 +60,22 @@ def test_a_robot_s_file_that_is_of_no_use_is_one_sentence(tmp_path: Path, said: 
     with pytest.raises(ValueError, match=r"bag was recorded on the robot cart, whose file in "):
         robot_for(bag, "")
     assert robot_for(bag, "turtlebot4").name == "turtlebot4"
+    named = BagEvalConfig((bag,), robot="turtlebot4", replay=False)
+    assert options_of(named, bag).robot.name == "turtlebot4"
+
+
+def test_one_bag_that_cannot_be_judged_leaves_the_others_whole(
+    tmp_path: Path,
+) -> None:
+    bag_of(tmp_path / "newer", {NAME: "cart", FILE: "height: high"})
+    text = (SHIPPED / "turtlebot4.yaml").read_text()
+    moved = {NAME: "cart", FILE: text.replace("bundle: turtlebot4", "bundle: bundles/mine")}
+    assert moved[FILE] != text
+    bag_of(tmp_path / "moved", moved)
+    options, unable, lacking = bag_eval._options(
+        BagEvalConfig(()), [tmp_path / "newer", tmp_path / "moved"]
+    )
+    assert [*options] == [tmp_path / "moved"]
+    assert not options[tmp_path / "moved"].bundles
+    assert "newer was recorded on the robot cart, whose file in the bag is of no use" in unable[0]
+    assert "moved is judged without a replay: found no" in lacking[0]

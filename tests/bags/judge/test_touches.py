@@ -11,7 +11,7 @@ from cfnav_ros.bags.judge.contacts import BUMP, OBSERVABLE, STALL, TRUTH
 from cfnav_ros.bags.judge.drives import DriveFinder
 from cfnav_ros.bags.judge.outcomes import judge
 from cfnav_ros.drive.conduct import Conduct
-from cfnav_ros.drive.inputs import Bumper, SensorInputs
+from cfnav_ros.drive.inputs import SensorInputs
 from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.motion import STOP, Command, Motion, Odometry, Status
 from sim_bridge.robot.noise import Noise, NoiseLevels
@@ -41,7 +41,7 @@ class Robot:
         self.bumper, self.actions = bumper, rng.choice(3, MOTIONS, p=(0.7, 0.15, 0.15))
         self.events: list[Event] = [start(BEGIN)]
         self._arrived: dict[str, float] = {}
-        self._bumper = Bumper()
+        self._bumper = False
         self._conduct = Conduct(EpisodeLimits())
         self._publish()
 
@@ -95,7 +95,7 @@ class Robot:
         pressed = bool(simulator.pressed())
         zones = ("bump_front",) * pressed
         self.events.append(Bumps(**at(self.now, topic="hazard_detection"), zones=zones))
-        self._bumper = Bumper(pressed, pressed)
+        self._bumper = pressed
         if pressed:
             self._arrived = {"bumped_at": self.now}
 

@@ -89,7 +89,7 @@ def test_a_folder_is_whole_whenever_it_is_interrupted(tmp_path, monkeypatch):
 @pytest.mark.parametrize("fails", [True, False])
 def test_a_folder_that_stepped_aside_when_it_was_killed_comes_back(tmp_path, fails):
     path = tmp_path / "out"
-    folder_of(tmp_path / "out.old", "old")
+    folder_of(tmp_path / ".out.before", "old")
     folder_of(tmp_path / "out.partial", "new")
     try:
         with whole(path) as partial:
@@ -101,3 +101,14 @@ def test_a_folder_that_stepped_aside_when_it_was_killed_comes_back(tmp_path, fai
         assert fails
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
     assert (path / "file").read_text() == ("old" if fails else "newer")
+
+
+def test_what_a_user_keeps_beside_it_stays(tmp_path):
+    folder_of(tmp_path / "out.old", "mine")
+    (tmp_path / "figures.json.old").write_text("mine")
+    with whole(tmp_path / "out") as partial:
+        folder_of(partial, "new")
+    figures(tmp_path / "figures.json", 2)
+    names = {p.name for p in tmp_path.iterdir()}
+    assert names == {"out", "out.old", "figures.json", "figures.json.old"}
+    assert (tmp_path / "out.old" / "file").read_text() == "mine"

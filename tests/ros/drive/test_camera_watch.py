@@ -134,6 +134,11 @@ def test_a_camera_that_changes_in_a_drive_is_a_fault_until_the_next() -> None:
     for found in (replace(FOUR_THIRDS, fx=0.0, fy=0.0), FOUR_THIRDS):
         watch.tell(found, driving=True)
         assert watch.see(picture).fault == CHANGED
+    nobody = replace(FOUR_THIRDS, fx=math.nan, fy=math.nan)
+    uncalibrated = CameraWatch(MAST, told=True)
+    for _ in range(2):
+        uncalibrated.tell(nobody, driving=True)
+        assert not uncalibrated.see(picture).fault
     watch.tell(FOUR_THIRDS)  # between drives its driver may have been started again
     assert not watch.see(picture).fault
 

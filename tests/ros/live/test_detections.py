@@ -146,6 +146,17 @@ def test_goals_are_those_that_bundle_and_labels_know(tmp_path: Path) -> None:
         known_goals(replace(by_coco, goals="Towel,Sink"))
 
 
+def test_a_bundle_that_looks_rooms_up_is_told_which_one_it_drives_in(tmp_path: Path) -> None:
+    by_room = DemoConfig(bundle=Path("lstde"))
+    with pytest.raises(GraphError, match="in a type of room, and the rooms have several types"):
+        known_goals(by_room)
+    kitchens = replace(by_room, room="kitchen:25,sweet_home.kitchen:300")
+    assert "Mug" in known_goals(kitchens)
+    told = GraphConfig("kitchen:25", tmp_path, bundle=Path("lstde"), room_type=kitchens.room_type)
+    assert told.parts[-1].parameters["room_type"] == "kitchen"
+    assert DemoConfig().room_type == ""
+
+
 def test_a_bag_with_detections_and_no_pictures_is_replayed(
     tmp_path: Path, ros_domain_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ import yaml
 
 from cfnav_core.robot.robot import Robot, UnknownRobotError, load_robot
 from cfnav_core.robot.settings import flat, leaves, settled
+from cfnav_ros.bags.files.recorded_robot import recorded_robot
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.lidar.mounting import MOUNT
 from cfnav_ros.lidar.scan_watch import LidarParameters
@@ -46,15 +47,13 @@ class RobotParameters:
     mount_given: bool
 
 
-def read_parameters(
-    path: Path | None, robot: str = "", recorded: Robot | None = None
-) -> RobotParameters:
+def read_parameters(path: Path | None, robot: str = "", bag: Path | None = None) -> RobotParameters:
     """Read a robot and a parameter file.
 
     Args:
         path: of the parameter file, None for none.
         robot: name or file of the robot; that which the parameter file names when empty.
-        recorded: the robot when neither names one; ``DEFAULT`` when None.
+        bag: says the robot when neither names one; ``DEFAULT`` where it does not.
 
     Raises:
         ParametersError: there is no such robot, or a file cannot be read, names neither node, or
@@ -63,7 +62,7 @@ def read_parameters(
     if robot:
         _check(robot)
     if path is None:
-        return _settled({}, {}, robot, recorded)
+        return _settled({}, {}, robot, bag)
     try:
         said = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -78,7 +77,7 @@ def read_parameters(
                 "it has no parameters of policy_node or lidar_collision_node; expected those of "
                 "at least one"
             )
-        return _settled(policy or {}, lidar or {}, robot, recorded)
+        return _settled(policy or {}, lidar or {}, robot, bag)
     except ValueError as error:
         raise ParametersError(f"{path}: {error}") from None
 
@@ -95,11 +94,12 @@ def _check(robot: str) -> None:
 
 
 def _settled(
-    policy: dict[str, Any], lidar: dict[str, Any], robot: str, recorded: Robot | None
+    policy: dict[str, Any], lidar: dict[str, Any], robot: str, bag: Path | None
 ) -> RobotParameters:
     named = {robot} if robot else {str(g["robot"]) for g in (policy, lidar) if "robot" in g}
     if len(named) > 1:
         raise ValueError(f"it names two robots ({', '.join(sorted(named))}); expected one")
+    recorded = None if named or bag is None else recorded_robot(bag)
     described = load_robot(*named) if named else recorded or load_robot()
     return RobotParameters(
         robot=described,
