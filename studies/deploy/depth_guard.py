@@ -85,14 +85,14 @@ class Decision:
     """What was said of one MoveAhead, and what is true.
 
     Attributes:
-        room: where.
+        walk: in which room, and which walk through it: what is met there is met again and again.
         lidar: probability by the LiDAR alone.
         both: with depth.
         blocked: whether it would touch something.
         in_plane: whether it would among what the LiDAR's plane shows.
     """
 
-    room: str
+    walk: str
     lidar: float
     both: float
     blocked: bool
@@ -202,7 +202,7 @@ def decisions(
             end = here.x + STEP_M * math.cos(here.yaw), here.y + STEP_M * math.sin(here.yaw)
             blocked = not simulator.ahead_free()
             in_plane = blocked and not plane.sweep_free((here.x, here.y), end)
-            yield Decision(room.name, lidar, both, blocked, in_plane)
+            yield Decision(f"{room.name}, {k // WALK}", lidar, both, blocked, in_plane)
             turns = blocked or both >= veto or rng.random() < TURNS
             side = Action.RotateLeft if rng.random() < 0.5 else Action.RotateRight
             before = simulator.time
@@ -211,12 +211,12 @@ def decisions(
 
 
 def figures(found: list[Decision]) -> dict[str, list[float]]:
-    """Shares with their 95 % intervals over rooms, and the number that each is a share of."""
+    """Shares with their 95 % intervals over walks, and the number that each is a share of."""
     lidar, both = (np.array([getattr(d, of) for d in found]) for of in ("lidar", "both"))
     blocked, in_plane = (
         np.array([getattr(d, of) for d in found]) for of in ("blocked", "in_plane")
     )
-    veto, rooms = EpisodeLimits().veto_probability, np.array([d.room for d in found])
+    veto, walks = EpisodeLimits().veto_probability, np.array([d.walk for d in found])
     rows = {}
     for name, p in (("lidar", lidar), ("both", both)):
         forbids = p >= veto
@@ -229,7 +229,7 @@ def figures(found: list[Decision]) -> dict[str, list[float]]:
             value, ends = math.nan, (math.nan, math.nan)
             if count:
                 value = float(share[among].mean())
-                ends = interval_of_share(share[among], rooms[among])
+                ends = interval_of_share(share[among], walks[among])
             rows[f"{name}_{what}"] = [value, *ends, count]
     return rows
 
