@@ -7,6 +7,7 @@ beside it. A killed run goes on from its checkpoint.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
+import torch.nn.functional as F
 from onnx import numpy_helper
 from torch import Tensor
 from tqdm import tqdm
@@ -194,6 +196,8 @@ def _tensors(arrays: dict[str, np.ndarray]) -> Labelled:
 def begin_with(net: PerceptionNet, path: Path) -> None:
     """Take over the weights of another network wherever their shapes agree.
 
+    Layers that read the whole picture are stretched to more or fewer cells of the same shape.
+
     Args:
         net: takes them.
         path: checkpoint, or what ``export_perception`` wrote.
@@ -203,11 +207,14 @@ def begin_with(net: PerceptionNet, path: Path) -> None:
     """
     tensors = _exported(path) if path.suffix == ".onnx" else load_tensors(path, SUPERVISED)[0]
     own = net.state_dict()
-    same = {
-        name: tensors[f"net.{name}"]
+    theirs = {name: tensors[f"net.{name}"] for name in own if f"net.{name}" in tensors}
+    stretched = {
+        name: _stretched(theirs[name], weight, net.sight.coarse, name.startswith("squeeze."))
         for name, weight in own.items()
-        if getattr(tensors.get(f"net.{name}"), "shape", None) == weight.shape
+        if name in theirs and name.startswith(OF_WHOLE_PICTURE[1:])
     }
+    theirs |= {name: weight for name, weight in stretched.items() if weight is not None}
+    same = {name: of for name, of in theirs.items() if of.shape == own[name].shape}
     missing = [
         name for name in own if name not in same and not name.startswith(OF_WHOLE_PICTURE + SINCE)
         and not name.endswith("num_batches_tracked")
@@ -218,6 +225,31 @@ def begin_with(net: PerceptionNet, path: Path) -> None:
             "what cfnav perception wrote, not before its networks could be trained on"
         )
     net.load_state_dict(same, strict=False)
+
+
+def _stretched(weight: Tensor, own: Tensor, cells: tuple[int, int], summed: bool) -> Tensor | None:
+    """A layer's weights for another number of cells, None where their shape is another.
+
+    Args:
+        weight: of the other network.
+        own: that are to be replaced; they differ along the axis of the cells.
+        cells: rows and columns of the own ones.
+        summed: whether the layer sums over cells; else it tells of each.
+    """
+    sizes = enumerate(zip(weight.shape, own.shape, strict=True))
+    axis = next((k for k, (a, b) in sizes if a != b), -1)
+    if axis < 0:
+        return weight
+    kinds, (rows, columns) = own.shape[axis] // math.prod(cells), cells
+    count = weight.shape[axis] // kinds
+    before = round(math.sqrt(count * rows / columns))
+    if before * (count // before) * kinds != weight.shape[axis]:
+        return None
+    last = weight.movedim(axis, -1)
+    grid = last.reshape(-1, kinds, before, count // before)
+    grid = F.interpolate(grid, size=cells, mode="bilinear")
+    grid *= count / math.prod(cells) if summed else 1.0
+    return grid.reshape(*last.shape[:-1], -1).movedim(-1, axis)
 
 
 def _exported(path: Path) -> dict[str, Tensor]:

@@ -188,6 +188,21 @@ def test_a_run_goes_on_only_as_what_it_was(options, other, said):
         train(replace(options, **other))
 
 
+def test_a_network_of_more_pixels_begins_with_layers_that_are_stretched(tmp_path):
+    torch.manual_seed(6)
+    finer = replace(SMALL, size=(192, 128))
+    other, net = PerceptionNet(sight=Sight.of(SMALL)), PerceptionNet(sight=Sight.of(finer))
+    assert (other.sight.coarse, net.sight.coarse) == ((2, 3), (4, 6))
+    save_state(tmp_path / "other.checkpoint", other, torch.optim.AdamW(other.parameters()), 64, {})
+    begin_with(net, tmp_path / "other.checkpoint")
+    # of a picture that is alike everywhere both have the same features
+    sums = [of.squeeze[3].weight.view(256, 24, -1).sum(2) for of in (other, net)]
+    torch.testing.assert_close(*sums, rtol=1e-4, atol=1e-5)
+    # and each corner tells of itself
+    tells = [of.geometry.weight.view(2, *of.sight.coarse, -1) for of in (other, net)]
+    torch.testing.assert_close(tells[0][:, -1, -1], tells[1][:, -1, -1])
+
+
 def test_a_network_of_another_camera_is_not_gone_on_with(options, tmp_path):
     train(replace(options, pictures=64))
     for seed in (1000, 1001, 1002, 1019):
