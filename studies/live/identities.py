@@ -18,13 +18,13 @@ def world_of(rooms: Sequence[str]) -> str:
     """The simulator of trials in some rooms: how these are made, its robot, noise, light and lens.
 
     Args:
-        rooms: such as kitchen:25; none are built-in ones.
+        rooms: such as kitchen:25.
     """
-    made = sorted({room_source(kind) for kind, _ in parse_rooms(rooms or ["kitchen:0"])})
+    made = sorted({room_source(kind) for kind, _ in parse_rooms(rooms)})
     return f"{', '.join(made)}, simulator {SIMULATOR_VERSION}"
 
 
-WORLD = world_of(())
+WORLD = world_of(["kitchen:0"])
 """That of our own rooms."""
 
 

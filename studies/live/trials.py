@@ -98,7 +98,7 @@ def _run(config: TrialsConfig, known: Sequence[str]) -> list[Outcome]:
     rows = read_rows(config.out)
     asked = {
         **asdict(config), "bundle": str(config.bundle or "shipped"),
-        "networks": identity_of(config.drives), "world": world_of(parse_list(config.room)),
+        "networks": identity_of(config.drives), "world": world_of(config.rooms),
         "detector": detector_of(config), "camera": camera_of(config),
     }  # fmt: skip
     conditions = {name: asked[name] for name in CONDITIONS}

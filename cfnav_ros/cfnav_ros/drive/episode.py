@@ -63,8 +63,7 @@ class Episode:
         self.decision: Decision | None = None
         self._policy, self._submit = policy, submit
         self._limits, self._time_limit = limits, time_limit
-        self._begun = NEVER
-        self._t = self._since = 0.0
+        self._begun, self._t, self._since = NEVER, 0.0, 0.0
         self._watch = Watch(limits)
         self._conduct = Conduct(limits)
         self._origin = 0.0
@@ -301,7 +300,8 @@ class Episode:
         moving = self._conduct.displaced and not self._conduct.rests()
         if not answer.done() or moving:
             late = "The base moves by itself." if moving else "The policy did not answer in time."
-            self.fail(late * (t - self._since > self._limits.think_timeout))
+            if t - self._since > self._limits.think_timeout:
+                self.fail(late)
             return Output()
         if answer.exception():
             self.fail(f"The policy failed: {answer.exception()}")

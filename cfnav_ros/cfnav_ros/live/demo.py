@@ -95,10 +95,14 @@ class DemoConfig:
         return find_bundle(self.bundle or robot.bundle)
 
     @property
+    def rooms(self) -> tuple[str, ...]:
+        """Its rooms; those of the demo when none is named."""
+        return parse_list(self.room) or parse_list(ROOMS)
+
+    @property
     def room_type(self) -> str:
         """Of all its rooms; "" when they have several."""
-        rooms = parse_list(self.room) or parse_list(ROOMS)
-        types = {type_of(parse_room(room)[0]) for room in rooms}
+        types = {type_of(parse_room(room)[0]) for room in self.rooms}
         return types.pop() if len(types) == 1 else ""
 
     def run_command(self) -> int:
@@ -156,7 +160,7 @@ def plan(graph: RosGraph, config: DemoConfig, known: Sequence[str]) -> tuple[Ite
     """
     goals = parse_list(config.goals)
     goals_of = {}
-    for room in parse_list(config.room) or parse_list(ROOMS):
+    for room in config.rooms:
         answer = graph.start_episode(room, "", config.seed)
         goals_of[room] = tuple(goal for goal in answer.goals if goal in known)
         if not goals_of[room]:
@@ -237,7 +241,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
     with RunFolder(config.out) as folder:
         bag = folder.partial / "bag"
         graph_config = GraphConfig(
-            room=(parse_list(config.room) or parse_list(ROOMS))[0],
+            room=config.rooms[0],
             room_type=config.room_type,
             logs=folder.partial / "logs",
             speed=config.speed,
