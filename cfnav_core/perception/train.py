@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +30,6 @@ from cfnav_core.files.checkpoint import (
 )
 from cfnav_core.files.locks import locked
 from cfnav_core.files.provenance import sha256
-from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.judge import agreement, shown_in
 from cfnav_core.perception.net import (
     PerceptionNet,
@@ -40,24 +38,19 @@ from cfnav_core.perception.net import (
     visible_here,
 )
 from cfnav_core.perception.onnx_session import open_session
-from cfnav_core.perception.picture_set import FIELDS, HEAD, PictureSet
+from cfnav_core.perception.picture_set import PictureSet
+from cfnav_core.perception.shelf import Shelf, labelled
 from cfnav_core.perception.sight import Sight
 from cfnav_core.perception.trunk import Trunk
 from cfnav_core.task.camera import CameraSetUp
-from cfnav_core.task.rooms import furniture_of, is_test_room, room_folder, rooms_in
+from cfnav_core.task.rooms import furniture_of
 
-HELD_OUT_EVERY = 20
-"""The last of so many seeds is held out."""
-ROOMS_A_BATCH = 16
 TRUNK_RATE = 0.1
 """Learning rate of the trunk, as a share: it has seen photographs, and is to remember them."""
-LEAST_SETS = 4
 OF_WHOLE_PICTURE = ("where", "squeeze.3.", "geometry.")
 """Layers whose size is the picture's."""
 SINCE = ("place.", "scene.")
 """Layers that networks of an earlier time lack; at first they pass on what is there."""
-RESCAN_S, COMING_S = 30.0, 300.0
-"""How often new sets are looked for, and how long the next one may take, seconds."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +72,7 @@ class PerceptionOptions:
     seed: int = 0
     """Seed of weights, order and augmentation."""
     threads: int = 2
-    """CPU threads."""
+    """CPU threads that learn; one more makes the next batches meanwhile."""
     bfloat16: bool = False
     """Multiply in bfloat16: half as fast again or more where the CPU does so (AMX, AVX512-BF16),
     slower where it does not."""
@@ -87,8 +80,8 @@ class PerceptionOptions:
     """Begin with first layers that learnt from photographs (perception.trunk); else with random
     ones."""
     begin: Path | None = None
-    """A network to begin with, its checkpoint or its ONNX file: of another camera, every layer but
-    those that read the whole picture."""
+    """A network to begin with, its checkpoint or its ONNX file. Layers that read the whole picture
+    are stretched where it looks at another number of pixels."""
     checkpoint_s: float = 120.0
     """Seconds between checkpoints."""
 
@@ -96,101 +89,6 @@ class PerceptionOptions:
         """Train and print the report."""
         for key, value in train(self).items():
             print(f"{key}: {value}")
-
-
-class Shelf:
-    """The picture sets of a folder, to which others may be added."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._looked = -float("inf")
-        self._opened: set[Path] = set()
-        self.training: list[Path] = []
-        self.held_out: list[Path] = []
-
-    def look(self) -> None:
-        """See what sets there are, unless that was seen a moment ago.
-
-        Raises:
-            ValueError: a set is damaged, of a room that tests, or of another camera than the first.
-        """
-        if time.monotonic() - self._looked < RESCAN_S:
-            return
-        self._looked = time.monotonic()
-        self.training, self.held_out = [], []
-        for kind, seed in rooms_in(self._folder, HEAD):
-            if is_test_room(kind, seed):
-                raise ValueError(
-                    f"found pictures of {kind}:{seed} in {self._folder}, a room that tests, from "
-                    "which perception must not learn; take them out"
-                )
-            last = seed % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
-            rooms = self.held_out if last else self.training
-            rooms.append(room_folder(self._folder, kind, seed))
-        for folder in sorted({*self.training, *self.held_out} - self._opened):
-            if PictureSet.load(folder).camera != self.camera:
-                raise ValueError(
-                    f"found pictures of two cameras in {self._folder}, in {folder.name} of another "
-                    "than in the first; give each camera a folder of its own"
-                )
-            self._opened.add(folder)
-
-    def wait(self, count: int) -> None:
-        """Wait until so many sets are there, one of them held out and one not.
-
-        Raises:
-            ValueError: fewer than ``LEAST_SETS`` are there, or the next ones do not come within
-                ``COMING_S``.
-        """
-        found, since = -1, time.monotonic()
-        while True:
-            self.look()
-            before, found = found, len(self.training) + len(self.held_out)
-            if found >= max(count, LEAST_SETS) and self.held_out and self.training:
-                return
-            since = since if found == before else time.monotonic()
-            if not count or time.monotonic() - since > COMING_S:
-                raise ValueError(
-                    f"found {len(self.training)} picture sets to learn from and "
-                    f"{len(self.held_out)} held out (of seeds that end a score, as 1019) in "
-                    f"{self._folder}, expected one or more of each and "
-                    f"{max(count, LEAST_SETS)} in all; make them with cfnav rooms make --views 200"
-                )
-            time.sleep(RESCAN_S)
-
-    @cached_property
-    def camera(self) -> CameraSetUp:
-        """That took the pictures of the first room, and so of all."""
-        return PictureSet.load((self.training or self.held_out)[0]).camera
-
-    def batch(self, size: int, rng: np.random.Generator) -> Labelled:
-        """Random pictures of some random rooms.
-
-        Raises:
-            ValueError: a set is damaged.
-        """
-        rooms = rng.choice(len(self.training), min(ROOMS_A_BATCH, len(self.training)))
-        rows = []
-        for room, part in zip(rooms, np.array_split(np.arange(size), len(rooms)), strict=True):
-            pictures = PictureSet.load(self.training[room])
-            rows.append(
-                taken(pictures, np.sort(rng.integers(len(pictures.pictures), size=len(part))))
-            )
-        return _tensors({k: np.concatenate([row[k] for row in rows]) for k in FIELDS})
-
-
-def taken(pictures: PictureSet, index: np.ndarray) -> dict[str, np.ndarray]:
-    """Some pictures of a set with their labels, by field."""
-    return {key: np.asarray(getattr(pictures, key)[index]) for key in FIELDS}
-
-
-def _tensors(arrays: dict[str, np.ndarray]) -> Labelled:
-    a = {key: torch.from_numpy(value) for key, value in arrays.items()}
-    return Labelled(
-        a["pictures"].permute(0, 3, 1, 2).float() / 255,
-        a["heat"].permute(0, 3, 1, 2).float(), a["near"].permute(0, 3, 1, 2).float(),
-        a["depth"].float(), a["floor"].float() / 255,
-    )  # fmt: skip
 
 
 def begin_with(net: PerceptionNet, path: Path) -> None:
@@ -279,7 +177,7 @@ def _scores(net: PerceptionNet, folders: list[Path]) -> Iterator[tuple[np.ndarra
         for index in np.array_split(
             np.arange(len(pictures.pictures)), 1 + len(pictures.pictures) // 100
         ):
-            batch = _tensors(taken(pictures, index))
+            batch = labelled((pictures, index))
             shown, near, _, geometry = net(
                 batch.pictures.contiguous(memory_format=torch.channels_last)
             )
@@ -362,11 +260,7 @@ def _train(options: PerceptionOptions) -> dict[str, object]:
     bar = tqdm(total=options.pictures, initial=seen, unit="picture", mininterval=10)
     saved = time.monotonic()
     smooth: dict[str, float] = {}
-    while seen < options.pictures:
-        shelf.look()
-        rng = np.random.default_rng([options.seed, seen])
-        generator = torch.Generator().manual_seed(options.seed * 1_000_003 + seen)
-        batch = augment(shelf.batch(options.batch, rng), generator)
+    for batch in shelf.batches(seen, options.pictures, options.batch, options.seed):
         for group in optimizer.param_groups:
             group["lr"] = group["share"] * learning_rate(seen / options.pictures, options.lr)
         with torch.autocast("cpu", torch.bfloat16, enabled=options.bfloat16):

@@ -13,8 +13,9 @@ from cfnav_core.perception.augment import Labelled, augment
 from cfnav_core.perception.half import LEAST
 from cfnav_core.perception.net import PerceptionNet, export_perception, perception_loss
 from cfnav_core.perception.perception import AT_ONCE, OnnxPerception
+from cfnav_core.perception.shelf import Shelf
 from cfnav_core.perception.sight import Sight
-from cfnav_core.perception.train import PerceptionOptions, Shelf, begin_with, train
+from cfnav_core.perception.train import PerceptionOptions, begin_with, train
 from cfnav_core.task.camera import CAMERAS
 from cfnav_core.task.detections import SCORES
 from tests.core.perception.made import SMALL, picture_set
@@ -165,7 +166,7 @@ def test_a_killed_run_ends_as_if_it_had_never_stopped(options, tmp_path, monkeyp
             raise KeyboardInterrupt
         return augment(*given)
 
-    monkeypatch.setattr("cfnav_core.perception.train.augment", until_killed)
+    monkeypatch.setattr("cfnav_core.perception.shelf.augment", until_killed)
     with pytest.raises(KeyboardInterrupt):
         train(options)
     monkeypatch.undo()
