@@ -137,8 +137,8 @@ def perception_loss(
         "shown": per_cell * _missed(shown, batch.heat),
         "near": 10 * _misplaced(near, batch.heat, batch.near),
         "visible": 8 * F.binary_cross_entropy(visible, batch.visible),
-        "depth": 3 * F.smooth_l1_loss(geometry[:, 0], log_depth, beta=0.1),
-        "floor": 1.5 * F.binary_cross_entropy_with_logits(geometry[:, 1], batch.floor),
+        "depth": 8 * F.smooth_l1_loss(geometry[:, 0], log_depth, beta=0.1),
+        "floor": 4 * F.binary_cross_entropy_with_logits(geometry[:, 1], batch.floor),
     }
 
 
