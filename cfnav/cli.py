@@ -65,7 +65,7 @@ CHAPTERS: dict[str, dict[str, Entry]] = {
         "train": Entry("cfnav.policies:Train", "train a policy"),
         "evaluate": Entry("cfnav.policies:Evaluate", "test a policy on episodes, or compare two"),
         "export": Entry("cfnav.policies:Export", "make a bundle for the robot of a checkpoint"),
-        "info": Entry("cfnav.policies:Info", "show what a bundle is"),
+        "info": Entry("cfnav.policies:Info", "show the model card of a bundle"),
         "benchmark": Entry(
             "studies.paper.command:Benchmark", "make the paper's tables (in a checkout)"
         ),

@@ -13,7 +13,7 @@ import tyro
 from cfnav_core.agent.config import Rooms, TrainOptions
 from cfnav_core.command import command_line
 from cfnav_core.files.json_file import write_json
-from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.policy.bundle import CARD, REMEDY, BundleError, BundleHead, find_bundle
 from cfnav_core.task.intervals import ends_text
 from cfnav_core.task.metrics import paired_text
 from cfnav_core.task.p_hat import TESTED
@@ -119,15 +119,23 @@ class Export:
 
 @dataclass(frozen=True)
 class Info:
-    """Show what a bundle is."""
+    """Show the model card of a bundle: what it is for, and what was measured."""
 
     bundle: Annotated[Path | None, tyro.conf.Positional] = None
     """Folder of the bundle, or the name of a shipped one; the default when absent."""
+    json: bool = False
+    """Its bundle.json instead of its model card: every figure, room and hash."""
 
     def run_command(self) -> None:
-        """Print the bundle's head."""
-        head = BundleHead.load(find_bundle(self.bundle))
-        print(head.text)
+        """Print it, once every file was checked against its hash."""
+        folder = find_bundle(self.bundle)
+        head = BundleHead.load(folder)
+        try:
+            print(head.text if self.json else (folder / CARD).read_text().rstrip())
+        except FileNotFoundError as error:
+            raise BundleError(
+                f"found no {CARD} in {folder}; see its bundle.json with --json, or {REMEDY}"
+            ) from error
 
 
 def _figures(path: Path, keys: Sequence[str], command: str) -> dict[str, Any]:

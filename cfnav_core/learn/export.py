@@ -25,7 +25,7 @@ from cfnav_core.learn.further import with_further
 from cfnav_core.learn.model_card import model_card
 from cfnav_core.models.base import ModelInput, NavModel, ObservationSpec
 from cfnav_core.perception.perception import OnnxPerception, Percept
-from cfnav_core.policy.bundle import PERCEPTION, WEIGHTS, BundleHead
+from cfnav_core.policy.bundle import CARD, PERCEPTION, WEIGHTS, BundleHead
 from cfnav_core.policy.networks import SEEN
 from cfnav_core.policy.policy import check_fits
 from cfnav_core.task.actions import NUM_ACTIONS
@@ -91,7 +91,7 @@ def _export_bundle(
         )  # fmt: skip
         check_fits(gives, bundle, str(perception or checkpoint))
         bundle.save(partial)
-        (partial / "MODEL_CARD.md").write_text(model_card(bundle))
+        (partial / CARD).write_text(model_card(bundle))
     return bundle
 
 

@@ -21,7 +21,7 @@ _LISTENING = " The collision probability is also added to its action logits, not
 
 
 def model_card(head: BundleHead) -> str:
-    """Markdown for ``MODEL_CARD.md``."""
+    """Markdown for the ``CARD`` of a bundle."""
     t = head.training
     hp, size = t["config"]["hyperparameters"], t["config"]["size"]
     name = t["config"]["model"]

@@ -28,6 +28,7 @@ SHARED = "shared"
 PERCEPTION = "perception.onnx"
 NETWORKS = (PERCEPTION, "policy.onnx", "predictor.onnx")
 WEIGHTS = "weights.safetensors"
+CARD = "MODEL_CARD.md"
 
 REMEDY = "export it again with cfnav export, or use the shipped bundle"
 

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 
 from cfnav import cli
 from cfnav_core.command import CannotError, command_line, ending, read_options
+from cfnav_core.policy.bundle import SHIPPED
 from tests.conftest import ROOT
 from tests.core.worlds import hall
 
@@ -213,4 +215,14 @@ def test_options_that_make_no_sense_end_with_two():
 def test_info_shows_what_a_bundle_is(cfnav):
     code, out, _ = cfnav("info", "hoz")
     assert code == 0
+    assert out == (SHIPPED / "hoz/MODEL_CARD.md").read_text()
+    code, out, _ = cfnav("info", "hoz", "--json")
+    assert code == 0
     assert json.loads(out)["camera"]["fov_deg"] == [90.0, 90.0]
+
+
+def test_info_of_a_bundle_without_a_card_says_where_its_figures_stand(cfnav, tmp_path):
+    shutil.copytree(SHIPPED / "default", tmp_path / "mine", ignore=lambda *_: ["MODEL_CARD.md"])
+    code, out, err = cfnav("info", str(tmp_path / "mine"))
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"cfnav: found no MODEL_CARD.md in \S+mine; see .* with --json.*\n", err)
