@@ -39,6 +39,29 @@ WHOLE = Crop()
 CHANGED = "camera_info speaks of another camera than before: end one of the two."
 
 
+class ToldCamera:
+    """The camera that ``camera_info`` tells of, which may not change while the robot drives.
+
+    Attributes:
+        camera: of the last word that was taken; None before the first.
+        changed: ``CHANGED`` once it spoke of another in a drive, until one ends; else empty.
+    """
+
+    def __init__(self) -> None:
+        self.camera: Pinhole | None = None
+        self.changed = ""
+
+    def tell(self, found: Pinhole, driving: bool) -> bool:
+        """Take a word, unless one was taken and the robot drives; whether it is a new one."""
+        # as text: a camera that nobody calibrated may say nan, which is never itself
+        new = repr(found) != repr(self.camera)
+        if driving and self.camera is not None:
+            self.changed = self.changed or CHANGED * new
+            return False
+        self.camera, self.changed = found, ""
+        return new
+
+
 def fitting(learnt: CameraSetUp, found: Pinhole) -> Crop | None:
     """The part of a robot's pictures that a policy's camera would show, None when there is none.
 
@@ -99,22 +122,15 @@ class CameraWatch:
         """
         self._any_camera = any_camera
         self._learnt = learnt if told else None
-        self._found: Pinhole | None = None
+        self._told = ToldCamera()
         self._crop: Crop | None = WHOLE
-        self._fault = self._changed = ""
+        self._fault = ""
 
     def tell(self, found: Pinhole, driving: bool = False) -> None:
         """Take what ``camera_info`` says; while the robot drives that may not change."""
-        if self._learnt is None:
+        if self._learnt is None or not self._told.tell(found, driving):
             return
-        if driving and self._found is not None:
-            # as text: a camera that nobody calibrated may say nan, which is never itself
-            self._changed = self._changed or CHANGED * (repr(found) != repr(self._found))
-            return
-        self._changed = ""
-        if found == self._found:
-            return
-        self._found, self._crop = found, fitting(self._learnt, found)
+        self._crop = fitting(self._learnt, found)
         self._fault = other_camera(self._learnt, found)
         if self._any_camera and self._crop is None:
             self._crop = WHOLE
@@ -126,7 +142,7 @@ class CameraWatch:
             ValueError: it has another shape, and only ``camera_info`` can tell which part of it is
                 wanted; one sentence.
         """
-        learnt, found, crop = self._learnt, self._found, self._crop
+        learnt, found, crop = self._learnt, self._told.camera, self._crop
         if learnt is None or frame.fault:
             return frame
         if found is None:
@@ -136,8 +152,8 @@ class CameraWatch:
                     f"which it is cut to the view that the bundle learnt from ({learnt})."
                 )
             return frame
-        if crop is None or self._changed:
-            return replace(frame, fault=self._changed or self._fault)
+        if crop is None or self._told.changed:
+            return replace(frame, fault=self._told.changed or self._fault)
         if crop is WHOLE:
             return frame
         if not _shaped(frame, (found.width, found.height)):

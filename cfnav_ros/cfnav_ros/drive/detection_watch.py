@@ -17,7 +17,7 @@ from cfnav_core.robot.robot import Robot
 from cfnav_core.robot.settings import setting
 from cfnav_core.task.camera import ASPECT_TOLERANCE
 from cfnav_core.task.pinhole import Pinhole
-from cfnav_ros.drive.camera_watch import CHANGED
+from cfnav_ros.drive.camera_watch import ToldCamera
 from cfnav_ros.drive.fields import FURTHEST_M, Claim
 from cfnav_ros.drive.inputs import CameraFrame
 from cfnav_ros.lidar.returns import Mount, Scan, malformed, points_around
@@ -120,7 +120,7 @@ class DetectionWatch:
         self._sizes = by_size(known_sizes())
         self._scans: list[tuple[float, Scan]] = []
         self._fixed_tilt = math.radians(settings.tilt_deg)
-        self._told: Pinhole | None = None
+        self._told = ToldCamera()
         self._camera: Pinhole | None = None
         self._fault = ""
 
@@ -140,11 +140,8 @@ class DetectionWatch:
             camera: of the pictures that the detector is given.
             driving: then it may not change.
         """
-        if self._told is None or not driving:
+        if self._told.tell(camera, driving):
             self._camera, self._fault = self._sized(camera)
-        elif camera != self._told and not self._fault:
-            self._fault = CHANGED
-        self._told = camera
 
     def _sized(self, camera: Pinhole) -> tuple[Pinhole, str]:
         """The camera in pictures of the size that was set, and what is wrong with it."""
@@ -199,8 +196,8 @@ class DetectionWatch:
         # none are no reason to take the detector for frozen: there may be nothing to see
         data = tuple(claims) or None
         frame = CameraFrame(stamp_ns, height=camera.height, width=camera.width, data=data)
-        if self._fault:
-            return replace(frame, fault=self._fault)
+        if fault := self._fault or self._told.changed:
+            return replace(frame, fault=fault)
         try:
             at = tilt if math.isfinite(tilt) else self._fixed_tilt
             seen = tuple(self._seen(claims, camera, at, seconds(stamp_ns)))
