@@ -31,8 +31,6 @@ from cfnav_ros.bags.results import left_out, result_files
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
 from cfnav_ros.report.page import figure_text, interval_text, number_text, write_file, write_report
 
-SHIPPED = "shipped"
-
 REPORT = "report.html"
 
 FIGURES = {"cf_sr": "cf_sr", "sr": "sr", "cf_spl": "cf_spl", "spl": "spl", "touches": "collisions"}
@@ -51,8 +49,8 @@ class BagEvalConfig:
     out: Path = Path("out/bag_eval")
     """Folder of the report and the figures."""
     bundle: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """Bundle to replay, a folder or the name of a shipped one, again for each to compare; the
-    robot's when not given."""
+    """Bundle to replay, a folder or the name of a shipped one, again for each to compare; when not
+    given that which drove, where the bag says it, else the robot's."""
     replay: bool = True
     """Replay bundles; without, only what happened is judged."""
     topic: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
@@ -66,7 +64,8 @@ class BagEvalConfig:
     """The robot: the name of one that is shipped, or its file; topics, LiDAR and limits follow.
     When not given that of --params, else that which a bag says has driven, else turtlebot4_mast."""
     params: Path | None = None
-    """ROS parameter file of the robot's nodes; it may name the robot."""
+    """ROS parameter file of the robot's nodes; it may name the robot. When neither is given, what
+    a bag says its nodes were told."""
     episodes: Path | None = None
     """YAML or CSV file of the drives that no policy node told of: bag, start, end (s), goal, and
     if known goal_x, goal_y (m in the odometry frame), reached."""
@@ -232,9 +231,8 @@ def options_of(config: BagEvalConfig, bag: Path | None = None) -> JudgeOptions:
     """
     topics = parse_topics(config.topic)
     told = read_parameters(config.params, config.robot, bag)
-    names = _names(config.bundle) if config.bundle else [SHIPPED]
-    folders = [str(path) for path in config.bundle] or [told.policy.bundle]
-    bundles = dict(zip(names, folders, strict=True)) if config.replay else {}
+    folders = config.bundle or (Path(told.policy.bundle),)
+    bundles = dict(zip(_names(folders), map(str, folders), strict=True)) if config.replay else {}
     for folder in bundles.values():
         policy_of(
             folder, told.policy.room_type

@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ament_index_python.packages import get_package_share_path
 from rclpy.clock import Clock, ClockType
@@ -34,13 +35,17 @@ from rosbags.interfaces import (
 )
 
 from cfnav_core.robot.robot import Robot, load_robot
+from cfnav_core.robot.settings import leaves
 from cfnav_core.robot.topics import COMPRESSED, RAW, TOPICS, Topic
 from cfnav_ros.bags.files.arrival_order import ArrivalOrder
-from cfnav_ros.bags.files.recorded_robot import said_of
+from cfnav_ros.bags.files.recorded_robot import said_of, told_of
 from cfnav_ros.bags.files.writer import BagWriter, typestore_with
+from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import explain_silence
+from cfnav_ros.lidar.scan_watch import LidarParameters
 from cfnav_ros.ros import conversions
 from cfnav_ros.ros.spinning import SpinningThread
+from cfnav_ros.ros.told_parameters import ToldParameters
 from cfnav_ros.ros.topics import message_type, quality
 
 NODE_NAME = "recorder"
@@ -52,14 +57,22 @@ QUEUE = 1000
 PICTURES = 300
 """The same of pictures, which are large."""
 
-DECIDE_S = 0.2
-"""Real time between looks at what the graph knows: the type of a topic that may have two, and the
-quality of service that is offered."""
+LOOK_S = 0.2
+"""Real time between looks at what the graph knows: the type of a topic that may have two, the
+quality of service that is offered, and nodes that can say what they were told."""
 
 CLOCK = TOPICS["clock"].name
 
 PACKAGES = ("cfnav_interfaces", "irobot_create_msgs", "vision_msgs")
 """Packages whose definitions the bag library does not know by itself."""
+
+ASKED = {
+    node: [name for name, _ in leaves(parameters) if name != "robot"]
+    for node, parameters in (
+        ("policy_node", PolicyParameters()), ("lidar_collision_node", LidarParameters())
+    )
+}  # fmt: skip
+"""Parameters by which a drive is judged later; the robot is told of with its file."""
 
 
 class Recorder:
@@ -93,6 +106,7 @@ class Recorder:
         self._heard = threading.Condition()
         self._error: Exception | None = None
         self._node = Node(NODE_NAME, context=context)
+        self._told = ToldParameters(self._node, ASKED)
         self._undecided: list[Topic] = []
         self._subscriptions: dict[str, tuple[Topic, Subscription]] = {}
         self._topics = (robot or load_robot()).topics
@@ -102,7 +116,7 @@ class Recorder:
             elif topic.recorded:
                 self._subscribe(topic)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._node.create_timer(DECIDE_S, self._decide, clock=steady)
+        self._node.create_timer(LOOK_S, self._look, clock=steady)
         self._thread = SpinningThread(self._node, self._fail)
         self._thread.start()
 
@@ -115,6 +129,11 @@ class Recorder:
     def count(self, role: str) -> int:
         """Return how many messages of the topic that plays a role have been heard."""
         return self.counts[self._node.resolve_topic_name(self._topics[role].name)]
+
+    @property
+    def told(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the nodes of ``ASKED`` were told, of those that have answered."""
+        return self._told.said
 
     def wait_for(self, role: str, count: int, deadline_s: float = 10.0) -> bool:
         """Wait until a topic has at least so many messages; false when the deadline passed."""
@@ -149,6 +168,7 @@ class Recorder:
         self._write(self._held.rest())
         for name, topic in names:  # a bag has all topics, silent ones too
             self._writer.add_topic(name, topic.type, [_bag_qos(topic)])
+        self._writer.say(told_of(self._told.said))
         self._writer.close()
 
     def leave(self) -> Path:
@@ -180,6 +200,10 @@ class Recorder:
             raw=True,
         )
         self._subscriptions[name] = topic, subscription
+
+    def _look(self) -> None:
+        self._decide()
+        self._told.ask()
 
     def _decide(self) -> None:
         """Listen in the type that the graph knows, and ask for no more than what is offered.

@@ -1,4 +1,4 @@
-"""A bag says which robot drove, and is judged, played and learnt from as that robot's."""
+"""A bag says which robot drove and how, and is judged, played and learnt from as that one's."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 from cfnav_ros.bags.files.reading import Bag
-from cfnav_ros.bags.files.recorded_robot import FILE, NAME, recorded_robot, robot_for, said_of
+from cfnav_ros.bags.files.recorded_robot import (
+    FILE,
+    NAME,
+    PARAMETERS,
+    recorded_robot,
+    robot_for,
+    said_of,
+    told_of,
+)
 from cfnav_ros.bags.files.writer import BagWriter, typestore_with
 from cfnav_ros.report import bag_eval
 from cfnav_ros.report.bag_eval import BagEvalConfig, options_of
@@ -42,9 +50,43 @@ def test_a_robot_of_one_s_own_is_known_where_its_file_is_not(tmp_path: Path) -> 
 def test_the_bundle_of_the_robot_that_drove_is_replayed(tmp_path: Path) -> None:
     bag = bag_of(tmp_path / "bag", said_of(load_robot("turtlebot4")))
     options = options_of(BagEvalConfig((bag,)), bag)
-    assert options.bundles == {"shipped": "turtlebot4"}
+    assert options.bundles == {"turtlebot4": "turtlebot4"}
     named = options_of(BagEvalConfig((bag,), robot="turtlebot4_mast"), bag)
-    assert (named.bundles, named.robot.name) == ({"shipped": "default"}, "turtlebot4_mast")
+    assert (named.bundles, named.robot.name) == ({"default": "default"}, "turtlebot4_mast")
+
+
+def test_a_drive_is_judged_by_what_its_nodes_were_told(tmp_path: Path) -> None:
+    told = {
+        "policy_node": {
+            "bundle": "boxes", "detections.labels": "voc", "episode.p_hat": "lidar",
+            "room_type": "kitchen",
+        },
+        "lidar_collision_node": {"stale": 0.6},
+    }  # fmt: skip
+    bag = bag_of(tmp_path / "bag", said_of(load_robot("turtlebot4")) | told_of(told))
+    options = options_of(BagEvalConfig((bag,)), bag)
+    assert (options.bundles, options.robot.name) == ({"boxes": "boxes"}, "turtlebot4")
+    assert (options.detections.labels, options.room_type) == ("voc", "kitchen")
+    assert options.lidar.stale == 0.6
+    # what is given goes before all of it
+    file = tmp_path / "robot.yaml"
+    file.write_text("policy_node: {ros__parameters: {detections: {labels: coco_ids}}}")
+    given = options_of(BagEvalConfig((bag,), params=file), bag)
+    assert (given.detections.labels, given.room_type) == ("coco_ids", "")
+    robot = options_of(BagEvalConfig((bag,), robot="turtlebot4"), bag)
+    assert (robot.bundles, robot.detections.labels) == ({"turtlebot4": "turtlebot4"}, "coco")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("policy_node: {ros__parameters: {wings: 2}}", "wings"), ("[", "cannot be read"),
+     ("none", "holds no ROS parameters")],
+)  # fmt: skip
+def test_parameters_in_a_bag_that_are_of_no_use_are_one_sentence(tmp_path, text, said) -> None:
+    bag = bag_of(tmp_path / "bag", {PARAMETERS: text})
+    with pytest.raises(ValueError, match=rf"nodes of .*bag were told \(--params .*{said}"):
+        options_of(BagEvalConfig((bag,)), bag)
+    assert options_of(BagEvalConfig((bag,), robot="turtlebot4"), bag).robot.name == "turtlebot4"
 
 
 def test_a_bag_of_another_recorder_says_nothing(tmp_path: Path) -> None:

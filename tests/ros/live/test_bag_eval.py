@@ -65,7 +65,7 @@ def test_command_line_writes_the_figures_and_the_page(bag: Path, tmp_path: Path)
     written = json.loads((out / "metrics.json").read_text())
     assert written["figures"]["cf_sr"]["value"] == pytest.approx(1 / 3)
     assert written["drives"][1]["collisions"] == 2
-    assert [bundle["name"] for bundle in written["bundles"]] == ["shipped"]
+    assert [bundle["name"] for bundle in written["bundles"]] == ["default"]
     assert "cf_sr" in done.stdout
     assert f"report in {out / 'report.html'}" in done.stdout
 

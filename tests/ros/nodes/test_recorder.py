@@ -18,17 +18,22 @@ rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed: run 'make s
 pytest.importorskip("cfnav_interfaces", reason="ros_ws is not built: run 'make setup'")
 
 from cfnav_ros.bags.files.events import OccupancyMap, Picture, Told, Truth  # noqa: E402
+from cfnav_ros.bags.files.parameters_file import read_parameters  # noqa: E402
 from cfnav_ros.bags.files.reading import Bag  # noqa: E402
 from cfnav_ros.bags.files.roles import assign  # noqa: E402
 from cfnav_ros.ros.recorder import CLOCK, Recorder  # noqa: E402
 from geometry_msgs.msg import Twist  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image, JointState  # noqa: E402
 
-from cfnav_core.robot.robot import SHIPPED  # noqa: E402
+from cfnav_core.robot.robot import SHIPPED, load_robot  # noqa: E402
 from cfnav_core.robot.topics import TOPICS  # noqa: E402
 from tests.conftest import (  # noqa: E402
     DEADLINE_S,
@@ -218,6 +223,34 @@ def test_the_node_takes_topic_and_type_from_the_robot_and_names_what_it_cannot_h
         assert counts[f"/{topic}"][1] == 1
     assert counts["/joint_states"][1] >= 1
     assert "/oakd/rgb/preview/image_raw" not in counts
+
+
+def test_a_bag_says_what_the_nodes_were_told_at_last(
+    context: Context, domain: int, start_process: Callable, tmp_path: Path
+) -> None:
+    recorder = Recorder(tmp_path / "bag", context, robot=load_robot("turtlebot4"))
+    start_process(
+        "cfnav_ros.ros.policy_node", "--ros-args", "-p", "robot:=turtlebot4", "-p",
+        "bundle:=boxes", "-p", "detections.labels:=voc", ROS_DOMAIN_ID=str(domain),
+    )  # fmt: skip
+    wait_until(lambda: "policy_node" in recorder.told, "the policy node's parameters")
+    assert recorder.told["policy_node"]["episode.motion.v_max"] == 0.2
+
+    node, executor = Node("operator", context=context), SingleThreadedExecutor(context=context)
+    client = AsyncParameterClient(node, "policy_node")
+    assert client.wait_for_services(DEADLINE_S)
+    slower = client.set_parameters([Parameter("episode.motion.v_max", value=0.1)])
+    executor.add_node(node)
+    executor.spin_until_future_complete(slower, DEADLINE_S)
+    assert slower.result().results[0].successful
+    wait_until(lambda: recorder.told["policy_node"]["episode.motion.v_max"] == 0.1, "the change")
+    node.destroy_node()
+    recorder.close()
+
+    told = read_parameters(None, bag=tmp_path / "bag")
+    assert (told.robot.name, told.policy.bundle) == ("turtlebot4", "boxes")
+    assert told.policy.detections.labels == "voc"
+    assert told.policy.episode.motion.v_max == 0.1
 
 
 @pytest.mark.usefixtures("publisher", "small_files")

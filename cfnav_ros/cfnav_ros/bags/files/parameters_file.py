@@ -15,7 +15,7 @@ import yaml
 
 from cfnav_core.robot.robot import Robot, UnknownRobotError, load_robot
 from cfnav_core.robot.settings import flat, leaves, settled
-from cfnav_ros.bags.files.recorded_robot import recorded_robot
+from cfnav_ros.bags.files.recorded_robot import BELOW, recorded_parameters, recorded_robot
 from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.lidar.mounting import MOUNT
 from cfnav_ros.lidar.scan_watch import LidarParameters
@@ -23,7 +23,6 @@ from cfnav_ros.lidar.scan_watch import LidarParameters
 T = TypeVar("T")
 
 EVERY_NODE = "/**"
-BELOW = "ros__parameters"
 
 
 class ParametersError(ValueError):
@@ -53,7 +52,7 @@ def read_parameters(path: Path | None, robot: str = "", bag: Path | None = None)
     Args:
         path: of the parameter file, None for none.
         robot: name or file of the robot; that which the parameter file names when empty.
-        bag: says the robot when neither names one; ``DEFAULT`` where it does not.
+        bag: says both when neither is given. Where it does not, the robot is ``DEFAULT``.
 
     Raises:
         ParametersError: there is no such robot, or a file cannot be read, names neither node, or
@@ -61,14 +60,16 @@ def read_parameters(path: Path | None, robot: str = "", bag: Path | None = None)
     """
     if robot:
         _check(robot)
-    if path is None:
+    recorded = recorded_parameters(bag) if bag and not path and not robot else ""
+    if path is None and not recorded:
         return _settled({}, {}, robot, bag)
+    where = path or f"what the nodes of {bag} were told (--params gives others)"
     try:
-        said = yaml.safe_load(path.read_text())
+        said = yaml.safe_load(path.read_text() if path else recorded)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParametersError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+        raise ParametersError(f"{where} cannot be read: {' '.join(str(error).split())}") from None
     if not isinstance(said, dict):
-        raise ParametersError(f"{path} holds no ROS parameters, expected names of nodes")
+        raise ParametersError(f"{where} holds no ROS parameters, expected names of nodes")
     try:
         policy = _given(said, "policy_node", PolicyParameters())
         lidar = _given(said, "lidar_collision_node", LidarParameters())
@@ -79,7 +80,7 @@ def read_parameters(path: Path | None, robot: str = "", bag: Path | None = None)
             )
         return _settled(policy or {}, lidar or {}, robot, bag)
     except ValueError as error:
-        raise ParametersError(f"{path}: {error}") from None
+        raise ParametersError(f"{where}: {error}") from None
 
 
 def _check(robot: str) -> None:

@@ -144,10 +144,14 @@ class BagWriter:
             storage_plugin=StoragePlugin.MCAP,
         )
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        for name, text in (custom or {}).items():
-            self._writer.set_custom_data(name, text)
+        self.say(custom or {})
         self._writer.open()
         self._connections: dict[str, Connection] = {}
+
+    def say(self, custom: Mapping[str, str]) -> None:
+        """Add to the metadata, which are written when the bag is closed."""
+        for name, text in custom.items():
+            self._writer.set_custom_data(name, text)
 
     def add_topic(self, topic: str, msgtype: str, qos: Iterable = ()) -> None:
         """Declare a topic before its first message; ``msgtype`` like ``std_msgs/msg/Header``."""
