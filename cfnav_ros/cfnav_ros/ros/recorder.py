@@ -44,8 +44,8 @@ from cfnav_ros.drive.policy_parameters import PolicyParameters
 from cfnav_ros.drive.preflight import explain_silence
 from cfnav_ros.lidar.scan_watch import LidarParameters
 from cfnav_ros.ros import conversions
+from cfnav_ros.ros.parameters import ToldParameters
 from cfnav_ros.ros.spinning import SpinningThread
-from cfnav_ros.ros.told_parameters import ToldParameters
 from cfnav_ros.ros.topics import message_type, quality
 
 NODE_NAME = "recorder"
