@@ -24,7 +24,8 @@ def judge(
         path: a bag (its folder or a file of it), or a folder with bags.
         topics: names of topics by role, such as {"image": "/camera"}, where they are not the usual.
         episodes: YAML or CSV file of the drives that no policy node told of.
-        robot: name of a shipped one, or its file; that which a bag says has driven when empty.
+        robot: name of a shipped one, or its file, with what holds on it; when empty what a bag says
+            has driven, and what its nodes were told.
 
     Raises:
         BagError: there is no bag.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
@@ -45,7 +46,7 @@ class Shelf:
         if time.monotonic() - self._looked < RESCAN_S:
             return
         self._looked = time.monotonic()
-        self.training, self.held_out = [], []
+        training, held_out = list[Path](), list[Path]()
         for kind, seed in rooms_in(self._folder, HEAD):
             if is_test_room(kind, seed):
                 raise ValueError(
@@ -53,9 +54,10 @@ class Shelf:
                     "which perception must not learn; take them out"
                 )
             last = seed % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
-            rooms = self.held_out if last else self.training
+            rooms = held_out if last else training
             rooms.append(room_folder(self._folder, kind, seed))
-        for folder in sorted({*self.training, *self.held_out} - self._opened):
+        self.training, self.held_out = training, held_out  # at once: others read them meanwhile
+        for folder in sorted({*training, *held_out} - self._opened):
             if PictureSet.load(folder).camera != self.camera:
                 raise ValueError(
                     f"found pictures of two cameras in {self._folder}, in {folder.name} of another "
@@ -124,14 +126,18 @@ class Shelf:
             generator = torch.Generator().manual_seed(seed * 1_000_003 + seen)
             return augment(self.batch(size, rng), generator)
 
-        # what a thread does goes through one core: OpenMP asks each anew how many it may use
-        with ThreadPoolExecutor(1, "batches", torch.set_num_threads, (1,)) as beside:
-            coming: list[Future[Labelled]] = []
+        # torch asks each thread anew how many cores it may use, and the caller's only now
+        torch.get_num_threads()
+        beside = ThreadPoolExecutor(1, "batches", torch.set_num_threads, (1,))
+        coming: deque[Future[Labelled]] = deque()
+        try:
             for start in range(seen, until, size):
                 coming.append(beside.submit(made, start))
                 if len(coming) > AHEAD:
-                    yield coming.pop(0).result()
+                    yield coming.popleft().result()
             yield from (future.result() for future in coming)
+        finally:
+            beside.shutdown(cancel_futures=True)
 
 
 def labelled(*parts: tuple[PictureSet, np.ndarray]) -> Labelled:

@@ -70,6 +70,12 @@ def find_bundle(bundle: str | Path | None = None) -> Path:
     return named if is_name and not Path(bundle).exists() else Path(bundle)
 
 
+def bundle_elsewhere(bundle: str | Path | None = None) -> str:
+    """A bundle as another process, or another machine, finds it: a shipped one by its name."""
+    folder = find_bundle(bundle).resolve()
+    return folder.name if folder.parent == SHIPPED.resolve() else str(folder)
+
+
 TUPLES = ("objects", "goals", "features", "fields", "room_types", "further")
 
 

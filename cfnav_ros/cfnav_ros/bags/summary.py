@@ -54,8 +54,8 @@ class Summary:
         drivers: the same of each bundle that drove, by its name (empty: not told); nothing when
             one drove them all.
         bundles: scores, in the order in which the bundles were given.
-        pairs: each later bundle compared with each earlier one, by the names of both in their
-            order.
+        pairs: each later bundle compared with each earlier one that decided on the same pictures,
+            by the names of both in their order.
     """
 
     figures: Mapping[str, Mean]
@@ -82,7 +82,11 @@ def summarise(evaluations: Sequence[BagEvaluation]) -> Summary:
         figures=over_drives([drive.outcome for drive in drives]),
         drivers=_by_driver([drive.outcome for drive in drives]),
         bundles=tuple(_scores(name, steps[name], evaluations) for name in names),
-        pairs={(a, b): compare(steps[a], steps[b]) for a, b in combinations(names, 2)},
+        pairs={
+            (a, b): found
+            for a, b in combinations(names, 2)
+            if (found := compare(steps[a], steps[b])).steps
+        },
     )
 
 
@@ -105,5 +109,7 @@ def _scores(
         lidar=collision_scores(lidar_predictions(steps)),
         rgb=collision_scores(rgb_predictions(steps)),
         own=reproduction(step for step in steps if step.driver and step.driver == own_name),
-        left_out=sum(out.bundle in ("", name) for e in evaluations for out in e.left_out),
+        left_out=sum(
+            out.bundle in ("", name) for e in evaluations if name in e.bundles for out in e.left_out
+        ),
     )

@@ -22,7 +22,7 @@ import tyro
 
 from cfnav_core.command import ending, need, read_options
 from cfnav_core.command.interrupt import INTERRUPT
-from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.policy.bundle import BundleHead, bundle_elsewhere, find_bundle
 from cfnav_core.robot.robot import DEFAULT
 from cfnav_ros.process.nodes import NodeStart, parts
 from cfnav_ros.process.parameter_file import parameter_file
@@ -117,7 +117,7 @@ def parts_of(config: Bringup) -> list[NodeStart]:
     given: dict[str, object] = {
         "robot": config.robot,
         "goal": config.goal or None,
-        "bundle": config.bundle and find_bundle(config.bundle).resolve(),
+        "bundle": config.bundle and bundle_elsewhere(config.bundle),
         "bag": config.bag and config.bag.resolve(),
         "wait_for_recorder": config.bag and True,
     }

@@ -27,9 +27,8 @@ from cfnav_core.task.limits import step_limit
 from cfnav_core.task.rooms import parse_room, type_of
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, evaluate
 from cfnav_ros.bags.files.finding import BagError
+from cfnav_ros.bags.files.parameters_file import read_parameters
 from cfnav_ros.bags.judge.outcomes import live_outcome
-from cfnav_ros.drive.detection_watch import MOCK_LABELS, DetectionSettings
-from cfnav_ros.drive.limits import EpisodeLimits
 from cfnav_ros.drive.outcome import Outcome, agree, figures, table
 from cfnav_ros.live.plan import Trial, chosen_trials, drawn_trials, parse_list
 from cfnav_ros.live.run_folder import RunFolder
@@ -257,7 +256,7 @@ def run_demo(config: DemoConfig) -> dict[str, Any]:
         )
         with RosGraph(graph_config) as graph:
             run_trials(graph, config, known, lambda _, outcome: live.append(outcome))
-        evaluation = evaluate(bag, _options(config))
+        evaluation = evaluate(bag, _options(config, bag))
         metrics = _metrics(config, evaluation, live)
         metrics["wall_s"] = round(time.monotonic() - began, 1)
         if config.report:
@@ -296,16 +295,10 @@ def run_trial(graph: RosGraph, trial: Trial, max_steps: int = 0) -> Outcome:
     return outcome
 
 
-def _options(config: DemoConfig) -> JudgeOptions:
+def _options(config: DemoConfig, bag: Path) -> JudgeOptions:
     """How the bag is judged: for the page, the bundle that drove is asked once more."""
     bundles = {BundleHead.load(config.drives).name: str(config.drives)} if config.report else {}
-    robot = load_robot(simulated(CameraSetUp.read(config.camera).tilts))
-    return JudgeOptions(
-        bundles=bundles, limits=EpisodeLimits(veto=config.veto), robot=robot,
-        detections=DetectionSettings(
-            labels=config.labels if config.detector.endswith(".onnx") else MOCK_LABELS
-        ),
-    )  # fmt: skip
+    return JudgeOptions.of(read_parameters(None, bag=bag), {}, bundles=bundles)
 
 
 def outcomes_of(evaluation: BagEvaluation) -> list[Outcome]:

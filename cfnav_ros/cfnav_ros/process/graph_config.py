@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from cfnav_core.policy.bundle import BundleHead, find_bundle
+from cfnav_core.policy.bundle import BundleHead, bundle_elsewhere, find_bundle
 from cfnav_core.robot.robot import load_robot, simulated
 from cfnav_core.task.camera import CameraSetUp
 from cfnav_core.task.p_hat import SOURCES, PHat
@@ -103,6 +103,7 @@ class GraphConfig:
             "episode.veto": self.veto, "episode.p_hat": "lidar" if told else self.p_hat,
             "episode.command_lag": lag,
             "sample_seed": self.sample_seed, "other_camera": other or None,
-            "bundle": self.drives, "room_type": self.room_type or None, **detecting,
+            "bundle": bundle_elsewhere(self.drives), "room_type": self.room_type or None,
+            **detecting,
         }  # fmt: skip
         return parts(["mock_turtlebot4", *lidar, *detectors, "policy_node"], given)

@@ -19,7 +19,7 @@ from typing import Annotated
 import tyro
 
 from cfnav_core.command import COULD_NOT, DONE, PARTLY, command_line, run_options
-from cfnav_core.policy.bundle import BundleError
+from cfnav_core.policy.bundle import find_bundle
 from cfnav_ros.bags.batch import evaluate_all
 from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, policy_of
 from cfnav_ros.bags.files.finding import find_bags
@@ -29,6 +29,7 @@ from cfnav_ros.bags.judge.episodes_file import read_episodes
 from cfnav_ros.bags.judge.figures import Mean, counted_reasons
 from cfnav_ros.bags.results import left_out, result_files
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
+from cfnav_ros.drive.detection_watch import DetectionWatch
 from cfnav_ros.report.page import figure_text, interval_text, number_text, write_file, write_report
 
 REPORT = "report.html"
@@ -127,13 +128,26 @@ def _options(
     options, unable, lacking = {}, list[str](), list[str]()
     for bag in bags:
         try:
-            options[bag] = options_of(config, bag)
-        except BundleError as error:  # of the robot that drove, on another machine
-            lacking.append(f"{bag} is judged without a replay: {error}; name one by --bundle.")
             options[bag] = options_of(replace(config, replay=False), bag)
+            options[bag] = options_of(config, bag)
         except ValueError as error:
-            unable.append(f"{bag} could not be evaluated: {error}.")
-    return options, unable, lacking
+            if bag in options:  # what drove is on another machine
+                lacking.append(f"{bag} is judged without a replay: {error}; name a bundle.")
+            else:
+                unable.append(f"{bag} could not be evaluated: {error}.")
+    return _told_apart(options), unable, lacking
+
+
+def _told_apart(options: Mapping[Path, JudgeOptions]) -> dict[Path, JudgeOptions]:
+    """The same with bundles by names that tell those of all bags apart."""
+    given = [folder for of in options.values() for folder in of.bundles.values()]
+    paths = {folder: find_bundle(folder).resolve() for folder in given}
+    each = [*dict.fromkeys(paths.values())]
+    names = dict(zip(each, _names(each), strict=True)) if each else {}
+    return {
+        bag: replace(of, bundles={names[paths[folder]]: folder for folder in of.bundles.values()})
+        for bag, of in options.items()
+    }
 
 
 def _whole(evaluation: BagEvaluation, asked: JudgeOptions) -> bool:
@@ -231,12 +245,12 @@ def options_of(config: BagEvalConfig, bag: Path | None = None) -> JudgeOptions:
     """
     topics = parse_topics(config.topic)
     told = read_parameters(config.params, config.robot, bag)
-    folders = config.bundle or (Path(told.policy.bundle),)
-    bundles = dict(zip(_names(folders), map(str, folders), strict=True)) if config.replay else {}
-    for folder in bundles.values():
-        policy_of(
-            folder, told.policy.room_type
-        )  # one that cannot be used is told before hours are spent
+    folders = [str(path) for path in config.bundle] or [told.policy.bundle]
+    names = _names([find_bundle(folder) for folder in folders])
+    bundles = dict(zip(names, folders, strict=True)) if config.replay else {}
+    for folder in bundles.values():  # one that cannot be used is told before hours are spent
+        if policy_of(folder, told.policy.room_type).reads_sightings:
+            DetectionWatch(told.policy.detections, told.robot)
     return JudgeOptions.of(told, topics, bundles=bundles, namespace=config.namespace)
 
 

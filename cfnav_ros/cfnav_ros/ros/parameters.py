@@ -16,19 +16,20 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
-    ParameterEvent,
     SetParametersResult,
 )
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
 from cfnav_core.robot.robot import DEFAULT, Robot, load_robot
 from cfnav_core.robot.settings import build, checked, leaves, settled, typed
 
 T = TypeVar("T")
+
+ASK_AGAIN_S = 2.0
+"""Real time between questions to a node that has answered, or will not."""
 
 
 def named_robot(node: Node) -> Robot:
@@ -122,10 +123,10 @@ def _descriptor(spec: Field, default: Any, fixed: bool) -> ParameterDescriptor:
 
 
 class ToldParameters:
-    """Asks nodes for parameters once they are there, and again when one was changed.
+    """Asks other nodes for their parameters, time and again: they change, and nodes come anew.
 
     Attributes:
-        said: values by node and dotted name, of the nodes that have answered.
+        said: values by node and dotted name, as each node said them last.
     """
 
     def __init__(self, node: Node, asked: Mapping[str, Sequence[str]]) -> None:
@@ -140,30 +141,32 @@ class ToldParameters:
         self._clients = {
             name: node.create_client(GetParameters, f"{name}/get_parameters") for name in asked
         }
-        self._names = {f"{node.get_namespace().rstrip('/')}/{name}": name for name in asked}
-        self._open = set(asked)
-        node.create_subscription(
-            ParameterEvent, "/parameter_events", self._changed, qos_profile_parameter_events
-        )
+        self._next = dict.fromkeys(asked, 0.0)
+        self._answers: dict[str, Future] = {}
 
-    def ask(self) -> None:
-        """Ask those that are there and have not been asked since the last change."""
-        for name in [*self._open]:
-            if self._clients[name].service_is_ready():
-                self._open.remove(name)
-                answer = self._clients[name].call_async(
-                    GetParameters.Request(names=[*self._asked[name]])
-                )
-                answer.add_done_callback(partial(self._take, name))
+    def ask(self, real: float) -> None:
+        """Ask those that are there, each every ``ASK_AGAIN_S``.
+
+        Args:
+            real: monotonic time, seconds.
+        """
+        for name, client in self._clients.items():
+            if real < self._next[name] or not client.service_is_ready():
+                continue
+            if name in self._answers:  # of a node that ended before it answered
+                client.remove_pending_request(self._answers[name])
+            self._next[name] = real + ASK_AGAIN_S
+            request = GetParameters.Request(names=[*self._asked[name]])
+            self._answers[name] = client.call_async(request)
+            self._answers[name].add_done_callback(partial(self._take, name))
+
+    def silent(self) -> list[str]:
+        """Nodes that are there and have not said all that they were asked."""
+        there = [name for name, client in self._clients.items() if client.service_is_ready()]
+        return [name for name in there if name not in self.said]
 
     def _take(self, name: str, answer: Future) -> None:
         values = answer.result().values
-        if len(values) < len(self._asked[name]):  # not all of them are declared yet
-            self._open.add(name)
-            return
-        read = map(parameter_value_to_python, values)
-        self.said[name] = dict(zip(self._asked[name], read, strict=True))
-
-    def _changed(self, event: ParameterEvent) -> None:
-        if event.node in self._names:
-            self._open.add(self._names[event.node])
+        if len(values) == len(self._asked[name]):  # one that is not declared leaves all unsaid
+            read = map(parameter_value_to_python, values)
+            self.said[name] = dict(zip(self._asked[name], read, strict=True))

@@ -144,8 +144,14 @@ class Recorder:
         return self.count(role) >= count
 
     def unheard(self) -> list[str]:
-        """One sentence for each topic that somebody publishes and of which nothing has come."""
-        found = []
+        """One sentence for each topic that somebody publishes and of which nothing has come.
+
+        And for each node that does not say what it was told.
+        """
+        found = [
+            f"{name} does not say what it was told, which the bag will lack: use one cfnav."
+            for name in self._told.silent()
+        ]
         for name, (topic, subscription) in [*self._subscriptions.items()]:
             infos = self._node.get_publishers_info_by_topic(name)
             if infos and not self.counts[name]:
@@ -203,7 +209,7 @@ class Recorder:
 
     def _look(self) -> None:
         self._decide()
-        self._told.ask()
+        self._told.ask(time.monotonic())
 
     def _decide(self) -> None:
         """Listen in the type that the graph knows, and ask for no more than what is offered.

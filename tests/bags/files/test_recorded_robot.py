@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from cfnav_ros.bags.files.writer import BagWriter, typestore_with
 from cfnav_ros.report import bag_eval
 from cfnav_ros.report.bag_eval import BagEvalConfig, options_of
 
+from cfnav_core.policy.bundle import shipped_bundle
 from cfnav_core.robot.robot import SHIPPED, load_robot
 
 
@@ -59,7 +61,7 @@ def test_a_drive_is_judged_by_what_its_nodes_were_told(tmp_path: Path) -> None:
     told = {
         "policy_node": {
             "bundle": "boxes", "detections.labels": "voc", "episode.p_hat": "lidar",
-            "room_type": "kitchen",
+            "room_type": "kitchen", "wings": 2,  # of a newer cfnav, and nothing to judge by
         },
         "lidar_collision_node": {"stale": 0.6},
     }  # fmt: skip
@@ -79,12 +81,14 @@ def test_a_drive_is_judged_by_what_its_nodes_were_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("policy_node: {ros__parameters: {wings: 2}}", "wings"), ("[", "cannot be read"),
-     ("none", "holds no ROS parameters")],
+    [
+        ("policy_node: {ros__parameters: {episode: {wings: 2}}}", "episode.wings"),
+        ("[", "cannot be read"), ("none", "holds no ROS parameters"),
+    ],
 )  # fmt: skip
 def test_parameters_in_a_bag_that_are_of_no_use_are_one_sentence(tmp_path, text, said) -> None:
     bag = bag_of(tmp_path / "bag", {PARAMETERS: text})
-    with pytest.raises(ValueError, match=rf"nodes of .*bag were told \(--params .*{said}"):
+    with pytest.raises(ValueError, match=rf"nodes of .*bag were told .*{said}.*; name the robot"):
         options_of(BagEvalConfig((bag,)), bag)
     assert options_of(BagEvalConfig((bag,), robot="turtlebot4"), bag).robot.name == "turtlebot4"
 
@@ -94,6 +98,40 @@ def test_a_bag_of_another_recorder_says_nothing(tmp_path: Path) -> None:
     assert recorded_robot(bag) is None
     assert robot_for(bag, "").name == "turtlebot4_mast"
     assert not options_of(BagEvalConfig((bag,), replay=False), bag).mount_given
+
+
+def test_where_the_lidar_sat_is_said_by_a_robot_and_not_by_what_its_node_was_told(
+    tmp_path: Path,
+) -> None:
+    told = told_of({"lidar_collision_node": {"disc.mount_x": -0.04}})
+    bare = BagEvalConfig((), replay=False)
+    assert not options_of(bare, bag_of(tmp_path / "bag", told)).mount_given
+    named = bag_of(tmp_path / "named", told | said_of(load_robot("turtlebot4")))
+    assert options_of(bare, named).mount_given
+
+
+def test_bundles_of_several_bags_have_names_that_tell_them_apart(tmp_path: Path) -> None:
+    folders = [tmp_path / side / "bundle" for side in "ab"]
+    for folder in folders:
+        shutil.copytree(shipped_bundle(), folder)
+    told = [told_of({"policy_node": {"bundle": str(of)}}) for of in (*folders, "default", "gone")]
+    bags = [bag_of(tmp_path / f"bag{k}", of) for k, of in enumerate(told)]
+    options, unable, (lacking,) = bag_eval._options(BagEvalConfig(()), bags)
+    assert not unable
+    assert [[*of.bundles] for of in options.values()] == [
+        ["a/bundle"], ["b/bundle"], ["bundles/default"], []
+    ]  # fmt: skip
+    assert "bag3 is judged without a replay: found no" in lacking
+
+
+def test_labels_that_are_not_here_leave_a_bag_without_a_replay(tmp_path: Path) -> None:
+    told = {"bundle": "boxes", "detections.labels": "/gone/labels.txt"}
+    bag = bag_of(
+        tmp_path / "bag", said_of(load_robot("turtlebot4")) | told_of({"policy_node": told})
+    )
+    options, unable, (lacking,) = bag_eval._options(BagEvalConfig(()), [bag])
+    assert (options[bag].bundles, unable) == ({}, [])
+    assert "labels" in lacking
 
 
 @pytest.mark.parametrize("said", ["", "camera: [", "- 1", "height: high"])

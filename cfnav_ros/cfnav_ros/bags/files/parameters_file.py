@@ -6,8 +6,8 @@ nodes in the file are of no concern here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,6 +23,15 @@ from cfnav_ros.lidar.scan_watch import LidarParameters
 T = TypeVar("T")
 
 EVERY_NODE = "/**"
+
+JUDGES = {
+    "policy_node": ("bundle", "room_type", "tilt_joint", "detections", "episode"),
+    "lidar_collision_node": (
+        "stale", "stale_rate", "frozen", "mount", "base_frame", "frame", "disc", "errors",
+    ),
+}  # fmt: skip
+"""Parameters by which a drive is judged, before their first dot. A bag says all that nodes were
+told; what else it says may be of a newer cfnav, and is of no concern."""
 
 
 class ParametersError(ValueError):
@@ -60,27 +69,49 @@ def read_parameters(path: Path | None, robot: str = "", bag: Path | None = None)
     """
     if robot:
         _check(robot)
-    recorded = recorded_parameters(bag) if bag and not path and not robot else ""
-    if path is None and not recorded:
+    if path is not None:
+        try:
+            return _read(path.read_text(), robot, bag)
+        except (OSError, UnicodeDecodeError) as error:
+            raise ParametersError(f"{path} cannot be read: {error}") from None
+        except ValueError as error:
+            raise ParametersError(f"{path}: {' '.join(str(error).split())}") from None
+    text = recorded_parameters(bag) if bag and not robot else ""
+    if bag is None or not text:
         return _settled({}, {}, robot, bag)
-    where = path or f"what the nodes of {bag} were told (--params gives others)"
     try:
-        said = yaml.safe_load(path.read_text() if path else recorded)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParametersError(f"{where} cannot be read: {' '.join(str(error).split())}") from None
-    if not isinstance(said, dict):
-        raise ParametersError(f"{where} holds no ROS parameters, expected names of nodes")
-    try:
-        policy = _given(said, "policy_node", PolicyParameters())
-        lidar = _given(said, "lidar_collision_node", LidarParameters())
-        if policy is None and lidar is None:
-            raise ValueError(
-                "it has no parameters of policy_node or lidar_collision_node; expected those of "
-                "at least one"
-            )
-        return _settled(policy or {}, lidar or {}, robot, bag)
+        told = _read(text, "", bag, JUDGES)
     except ValueError as error:
-        raise ParametersError(f"{where}: {error}") from None
+        raise ParametersError(
+            f"what the nodes of {bag} were told is of no use ({' '.join(str(error).split())}); "
+            "name the robot, or give a parameter file"
+        ) from None
+    # of all that a node was told nobody knows what somebody gave it
+    return replace(told, mount_given=recorded_robot(bag) is not None)
+
+
+def _read(
+    text: str, robot: str, bag: Path | None, judges: Mapping[str, Sequence[str]] | None = None
+) -> RobotParameters:
+    """What a parameter file says; of ``judges``, where given, and of nothing else."""
+    try:
+        said = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"it cannot be read: {error}") from None
+    if not isinstance(said, dict):
+        raise ValueError("it holds no ROS parameters, expected names of nodes")
+    policy = _given(said, "policy_node", PolicyParameters())
+    lidar = _given(said, "lidar_collision_node", LidarParameters())
+    if policy is None and lidar is None:
+        raise ValueError(
+            "it has no parameters of policy_node or lidar_collision_node; expected those of "
+            "at least one"
+        )
+    given = {"policy_node": policy or {}, "lidar_collision_node": lidar or {}}
+    for node, names in (judges or {}).items():
+        told = given[node].items()
+        given[node] = {name: v for name, v in told if name.partition(".")[0] in names}
+    return _settled(given["policy_node"], given["lidar_collision_node"], robot, bag)
 
 
 def _check(robot: str) -> None:
