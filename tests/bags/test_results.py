@@ -99,6 +99,24 @@ def test_only_decisions_of_drives_with_its_own_name_are_its_own(written):
     assert plain["reproduction"]["p_hat_difference"] is None
 
 
+def test_of_bags_with_a_bundle_each_every_bundle_has_the_figures_of_its_own():
+    def only(name, bundle):
+        """A bag over which one bundle was replayed."""
+        made = evaluation(name)
+        drives = [
+            dataclasses.replace(d, steps=tuple(s for s in d.steps if s.bundle == bundle))
+            for d in made.drives
+        ]
+        return dataclasses.replace(made, bundles={bundle: BUNDLES[bundle]}, drives=tuple(drives))
+
+    first, second = BUNDLES
+    both = [only("a", first), only("b", second)]
+    ours, plain = json.loads(files(both)[METRICS])["bundles"]
+    assert (ours["decisions"], plain["decisions"]) == (18, 18)
+    assert (ours["left_out"], plain["left_out"]) == (3, 2)
+    assert summarise(both).pairs == {}
+
+
 def test_each_driver_has_its_own_figures_when_there_are_several(written):
     both = by_two_drivers()
     metrics = json.loads(files(both)[METRICS])

@@ -103,6 +103,16 @@ class JudgeOptions:
             room_type=told.policy.room_type, **others,
         )  # fmt: skip
 
+    def check(self) -> None:
+        """Before hours are spent: whether the bundles can be replayed so.
+
+        Raises:
+            ValueError: one cannot; one sentence.
+        """
+        for folder in self.bundles.values():
+            if policy_of(folder, self.room_type).reads_sightings:
+                DetectionWatch(self.detections, self.robot)
+
     @property
     def reads_sightings(self) -> bool:
         """Whether one of the bundles does; else no detection is of concern."""

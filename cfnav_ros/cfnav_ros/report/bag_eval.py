@@ -21,7 +21,7 @@ import tyro
 from cfnav_core.command import COULD_NOT, DONE, PARTLY, command_line, run_options
 from cfnav_core.policy.bundle import find_bundle
 from cfnav_ros.bags.batch import evaluate_all
-from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions, policy_of
+from cfnav_ros.bags.evaluation import BagEvaluation, JudgeOptions
 from cfnav_ros.bags.files.finding import find_bags
 from cfnav_ros.bags.files.parameters_file import read_parameters
 from cfnav_ros.bags.files.roles import parse_topics
@@ -29,7 +29,6 @@ from cfnav_ros.bags.judge.episodes_file import read_episodes
 from cfnav_ros.bags.judge.figures import Mean, counted_reasons
 from cfnav_ros.bags.results import left_out, result_files
 from cfnav_ros.bags.summary import BundleScores, Summary, drives_in, summarise
-from cfnav_ros.drive.detection_watch import DetectionWatch
 from cfnav_ros.report.page import figure_text, interval_text, number_text, write_file, write_report
 
 REPORT = "report.html"
@@ -248,10 +247,9 @@ def options_of(config: BagEvalConfig, bag: Path | None = None) -> JudgeOptions:
     folders = [str(path) for path in config.bundle] or [told.policy.bundle]
     names = _names([find_bundle(folder) for folder in folders])
     bundles = dict(zip(names, folders, strict=True)) if config.replay else {}
-    for folder in bundles.values():  # one that cannot be used is told before hours are spent
-        if policy_of(folder, told.policy.room_type).reads_sightings:
-            DetectionWatch(told.policy.detections, told.robot)
-    return JudgeOptions.of(told, topics, bundles=bundles, namespace=config.namespace)
+    options = JudgeOptions.of(told, topics, bundles=bundles, namespace=config.namespace)
+    options.check()
+    return options
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
