@@ -11,6 +11,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from cfnav_core.command import run_options
@@ -31,6 +32,9 @@ class FeaturesOptions:
     from."""
     perception: tuple[Path, ...]
     """ONNX files of networks that look at pictures of this size."""
+    cells: int = 0
+    """Average depth and floor over so many rows and columns, so that networks of other sizes can be
+    compared: smaller cells are harder to tell. 0: over the cells of the pictures' own maps."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +51,13 @@ class Told:
     floor: float
 
 
-def told(network: OnnxPerception, folders: list[Path]) -> Told:
+def told(network: OnnxPerception, folders: list[Path], cells: int = 0) -> Told:
     """Learn in every other set and judge in the rest.
 
     Args:
         network: whose features.
         folders: of the picture sets, two or more.
+        cells: rows and columns of what is told, see ``FeaturesOptions``.
 
     Raises:
         ValueError: a set is damaged or its pictures do not fit.
@@ -63,9 +68,8 @@ def told(network: OnnxPerception, folders: list[Path]) -> Told:
         count = len(pictures.pictures)
         features = network(np.asarray(pictures.pictures)).features
         seen.append(features.reshape(count, -1).astype(np.float64))
-        metres = np.asarray(pictures.depth, np.float64).reshape(count, -1)
-        depth.append(np.log(metres.clip(0.1, 8.0)))
-        floor.append(np.asarray(pictures.floor, np.float64).reshape(count, -1) / 255)
+        depth.append(_averaged(np.log(np.asarray(pictures.depth, np.float64).clip(0.1, 8)), cells))
+        floor.append(_averaged(np.asarray(pictures.floor, np.float64) / 255, cells))
         room += [number] * count
     learns = np.array(room) % 2 == 0
     x, d, f = map(np.concatenate, (seen, depth, floor))
@@ -74,6 +78,14 @@ def told(network: OnnxPerception, folders: list[Path]) -> Told:
         depth_error=float(np.abs(np.exp(said - truth) - 1).mean()),
         depth=_explained(said, truth), floor=_explained(_ridge(x, f, learns), f[~learns]),
     )  # fmt: skip
+
+
+def _averaged(maps: np.ndarray, cells: int) -> np.ndarray:
+    """[N, R, C] -> [N, K], averaged over so many rows and columns where they are named."""
+    if cells:
+        size = (cells, cells)
+        maps = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in maps])
+    return maps.reshape(len(maps), -1)
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, learns: np.ndarray) -> np.ndarray:
@@ -107,7 +119,7 @@ def main(options: FeaturesOptions) -> None:
     folders = [room_folder(options.data, *room) for room in rooms]
     print("| network | error of depth | of depth, told | of the floor, told |\n|---|---|---|---|")
     for path in options.perception:
-        found = told(OnnxPerception(path), folders)
+        found = told(OnnxPerception(path), folders, options.cells)
         print(f"| {path} | {found.depth_error:.3f} | {found.depth:.3f} | {found.floor:.3f} |")
 
 

@@ -48,6 +48,10 @@ def test_what_is_in_the_features_is_told_and_nothing_else(tmp_path: Path) -> Non
     assert knows.depth_error < 0.1 < guesses.depth_error
     assert knows.depth > 0.9 > 0.1 > guesses.depth
     assert knows.floor > 0.9 > 0.1 > guesses.floor
+    # what is alike everywhere is told as well of larger cells
+    coarse = told(seen, folders, 1)  # type: ignore[arg-type]
+    assert coarse.depth_error == pytest.approx(knows.depth_error)
+    assert coarse.floor == pytest.approx(knows.floor)
 
 
 def test_one_room_tells_nothing_of_others(tmp_path: Path) -> None:
