@@ -72,7 +72,7 @@ ASKED = {
         ("policy_node", PolicyParameters()), ("lidar_collision_node", LidarParameters())
     )
 }  # fmt: skip
-"""Parameters by which a drive is judged later; the robot is told of with its file."""
+"""What these nodes are asked that they were told: all but the robot, which the bag has itself."""
 
 
 class Recorder:

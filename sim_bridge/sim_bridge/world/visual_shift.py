@@ -3,8 +3,7 @@
 Stands for the change of domain between training and a real room (the paper's Section V-E). Strength
 1 is a warm, dim evening through a plain lens; the magnitudes are ours, chosen once by what still
 looks like the same room to people. Perception was trained on pictures whose colours were mixed
-at random (``cfnav_core.perception.augment``); blur, vignette and a cast this strong it never
-met.
+at random (``cfnav_core.perception.augment``); blur, vignette and a cast this strong it never met.
 """
 
 from __future__ import annotations

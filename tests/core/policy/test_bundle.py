@@ -21,6 +21,7 @@ from cfnav_core.policy.bundle import (
     WEIGHTS,
     BundleError,
     BundleHead,
+    bundle_elsewhere,
     find_bundle,
     shipped_bundle,
 )
@@ -31,6 +32,12 @@ from cfnav_core.task.actions import Action
 from cfnav_core.task.limits import step_limit
 from tests.core.policy.conftest import SMALL
 from tests.core.worlds import hall
+
+
+def test_a_shipped_bundle_is_found_elsewhere_by_its_name(tmp_path):
+    for said in (None, "default", shipped_bundle()):
+        assert bundle_elsewhere(said) == "default"
+    assert bundle_elsewhere(tmp_path / "mine/../default") == str(tmp_path / "default")
 
 
 def test_bundle_is_small_and_complete(made):

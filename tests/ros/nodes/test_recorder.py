@@ -229,11 +229,17 @@ def test_a_bag_says_what_the_nodes_were_told_at_last(
     context: Context, domain: int, start_process: Callable, tmp_path: Path
 ) -> None:
     recorder = Recorder(tmp_path / "bag", context, robot=load_robot("turtlebot4"))
-    start_process(
-        "cfnav_ros.ros.policy_node", "--ros-args", "-p", "robot:=turtlebot4", "-p",
-        "bundle:=boxes", "-p", "detections.labels:=voc", ROS_DOMAIN_ID=str(domain),
+    command = (
+        "cfnav_ros.ros.policy_node", "--ros-args", "-p", "robot:=turtlebot4", "-p", "bundle:=boxes"
     )  # fmt: skip
+    first = start_process(*command, ROS_DOMAIN_ID=str(domain))
     wait_until(lambda: "policy_node" in recorder.told, "the policy node's parameters")
+    assert recorder.told["policy_node"]["detections.labels"] == "coco"
+    assert first.interrupt() == 0
+    start_process(*command, "-p", "detections.labels:=voc", ROS_DOMAIN_ID=str(domain))
+    wait_until(
+        lambda: recorder.told["policy_node"]["detections.labels"] == "voc", "the node that came"
+    )
     assert recorder.told["policy_node"]["episode.motion.v_max"] == 0.2
 
     node, executor = Node("operator", context=context), SingleThreadedExecutor(context=context)
@@ -251,6 +257,21 @@ def test_a_bag_says_what_the_nodes_were_told_at_last(
     assert (told.robot.name, told.policy.bundle) == ("turtlebot4", "boxes")
     assert told.policy.detections.labels == "voc"
     assert told.policy.episode.motion.v_max == 0.1
+
+
+def test_a_node_of_another_cfnav_is_named(context: Context, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "bag", context)
+    node, executor = Node("policy_node", context=context), SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    said = "policy_node does not say what it was told"
+
+    def named() -> bool:
+        executor.spin_once(0.05)
+        return any(sentence.startswith(said) for sentence in recorder.unheard())
+
+    wait_until(named, "the sentence about a node without our parameters")
+    node.destroy_node()
+    recorder.abort()
 
 
 @pytest.mark.usefixtures("publisher", "small_files")
